@@ -1,0 +1,74 @@
+"""Differentiable simulation of pneumatic-muscle actuators, and the diagnosis of what a model lacks.
+
+The public names are loaded when they are first used, so that the command line answers before JAX is there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jaxmuscle import actuators, components, effects
+    from jaxmuscle.diagnosis import Diagnosis, diagnose
+    from jaxmuscle.errors import InputError
+    from jaxmuscle.parameters import describe, parameter, replace
+    from jaxmuscle.recordings import Card, Recording, read
+    from jaxmuscle.recordings import actuator_from_card as actuator
+    from jaxmuscle.recordings.simulated import simulate
+    from jaxmuscle.samples import sample
+
+__version__ = "0.1.0"
+
+# Single precision hides gradients that are not numbers and multiplies the steps of a fit.
+if "jax" in sys.modules:
+    sys.modules["jax"].config.update("jax_enable_x64", True)
+else:
+    os.environ["JAX_ENABLE_X64"] = "1"
+
+_PLACES = {
+    "Card": ("jaxmuscle.recordings", "Card"),
+    "Diagnosis": ("jaxmuscle.diagnosis", "Diagnosis"),
+    "InputError": ("jaxmuscle.errors", "InputError"),
+    "Recording": ("jaxmuscle.recordings", "Recording"),
+    "actuator": ("jaxmuscle.recordings", "actuator_from_card"),
+    "actuators": ("jaxmuscle.actuators", None),
+    "components": ("jaxmuscle.components", None),
+    "describe": ("jaxmuscle.parameters", "describe"),
+    "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
+    "effects": ("jaxmuscle.effects", None),
+    "parameter": ("jaxmuscle.parameters", "parameter"),
+    "read": ("jaxmuscle.recordings", "read"),
+    "replace": ("jaxmuscle.parameters", "replace"),
+    "sample": ("jaxmuscle.samples", "sample"),
+    "simulate": ("jaxmuscle.recordings.simulated", "simulate"),
+}
+
+__all__ = [
+    "Card",
+    "Diagnosis",
+    "InputError",
+    "Recording",
+    "actuator",
+    "actuators",
+    "components",
+    "describe",
+    "diagnose",
+    "effects",
+    "parameter",
+    "read",
+    "replace",
+    "sample",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name on first use."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'jaxmuscle' has no attribute {name!r}")
+    module, attribute = _PLACES[name]
+    loaded = importlib.import_module(module)
+    return loaded if attribute is None else getattr(loaded, attribute)

@@ -1,0 +1,107 @@
+"""What the rest of the package knows about a machine."""
+
+import abc
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import equinox as eqx
+from jaxtyping import Array
+
+from jaxmuscle.effects.base import AbstractEffect, States, addition
+from jaxmuscle.signals import Past, Signals, Slot
+
+Machine = TypeVar("Machine", bound="AbstractActuator")
+
+State = dict[str, Any]
+"""Name of a state → array; the integrated states of effects are under ``"effects"``."""
+
+
+class Held(eqx.Module):
+    """What stays as it is during one solver step: the command, its past, the memories of effects."""
+
+    command: Any
+    past: Past | None
+    memory: States
+
+
+@dataclasses.dataclass(frozen=True)
+class Link:
+    """One link of the chain: `output` is predicted while the states `imposed` are taken as measured.
+
+    `signal` is the signal of the chain on which the link's residual bears.
+    """
+
+    output: str
+    imposed: tuple[str, ...]
+    signal: str
+
+
+class AbstractActuator(eqx.Module):
+    """A machine: states, the chain of signals, what is measured.
+
+    Class variables:
+        rig: the name that cards use.
+        units: units of the command, the load and its motion, for parameters that depend on the rig.
+        quantities: card name → path of the parameter.
+        commands: columns of the command, one or one a muscle.
+        measured: state → column(s) that measure it.
+        derivatives: state → the measured state of which it is the rate.
+        imposed: states that the bench imposes; never predicted.
+        outputs: reading → column(s), what the model has to predict.
+        links: the chain, each link with its measured inputs.
+        available: signals that an effect may read here.
+        largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
+    """
+
+    rig: eqx.AbstractClassVar[str]
+    units: eqx.AbstractClassVar[Mapping[str, str]]
+    quantities: eqx.AbstractClassVar[Mapping[str, str]]
+    commands: eqx.AbstractClassVar[tuple[str, ...]]
+    measured: eqx.AbstractClassVar[Mapping[str, tuple[str, ...]]]
+    derivatives: eqx.AbstractClassVar[Mapping[str, str]]
+    imposed: eqx.AbstractClassVar[tuple[str, ...]]
+    outputs: eqx.AbstractClassVar[Mapping[str, tuple[str, ...]]]
+    links: eqx.AbstractClassVar[tuple[Link, ...]]
+    available: eqx.AbstractClassVar[frozenset[str]]
+    largest_step: eqx.AbstractClassVar[float]
+    effects: eqx.AbstractVar[dict[str, AbstractEffect]]
+
+    @abc.abstractmethod
+    def rest(self, measured: Mapping[str, Array]) -> State:
+        """The machine's own states with the measured ones as given and the others at rest."""
+
+    @abc.abstractmethod
+    def signals(self, state: State, held: Held) -> Signals:
+        """The chain from the command to the load under the given state."""
+
+    @abc.abstractmethod
+    def vector_field(self, state: State, held: Held) -> State:
+        """Time derivatives of all states."""
+
+    @abc.abstractmethod
+    def readings(self, signals: Signals) -> dict[str, Array]:
+        """What the sensors show: one entry for each of `outputs`."""
+
+    @abc.abstractmethod
+    def constrained(self, state: State) -> State:
+        """The state after unilateral contacts have acted, at the end of a solver step."""
+
+    def with_effects(self: Machine, **effects: AbstractEffect) -> Machine:
+        """A copy that also does what `effects` say; an effect of the same name is replaced."""
+        return eqx.tree_at(lambda m: m.effects, self, {**self.effects, **effects})
+
+    def without_effects(self: Machine, *names: str) -> Machine:
+        """A copy without the named effects."""
+        kept = {name: effect for name, effect in self.effects.items() if name not in names}
+        return eqx.tree_at(lambda m: m.effects, self, kept)
+
+    @classmethod
+    def offers(cls, effect: type[AbstractEffect]) -> bool:
+        """Whether this rig has the signals that an effect reads."""
+        return effect.reads <= cls.available
+
+    def _with(self, signals: Signals, slot: Slot, value: Array, states: States) -> Signals:
+        """`signals` with the slot filled by `value` and by what the effects add to it."""
+        filled = signals.having(**{slot.name: value})
+        return filled.having(**{slot.name: value + addition(self.effects, slot, states, filled)})

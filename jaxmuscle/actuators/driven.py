@@ -1,0 +1,72 @@
+"""A test machine imposes length and pressure on one muscle and measures the pulling force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.components import McKibben
+from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_velocity, state_rates
+from jaxmuscle.parameters import Scalar, parameter
+from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
+
+
+class Driven(AbstractActuator):
+    """Rig `driven`: pressure and contraction are imposed and measured, the force is predicted ([T] 4, 7)."""
+
+    rig: ClassVar = "driven"
+    units: ClassVar = {"load": "N", "motion": "m"}
+    quantities: ClassVar = {
+        "initial_length": "muscle.initial_length",
+        "initial_radius": "muscle.initial_radius",
+        "braid_angle": "muscle.braid_angle",
+        "end_factor": "muscle.end_factor",
+        "ambient_pressure": "ambient_pressure",
+    }
+    commands: ClassVar = ()
+    measured: ClassVar = {"pressure": ("pressure",), "contraction": ("position",)}
+    derivatives: ClassVar = {"velocity": "contraction"}
+    imposed: ClassVar = ("pressure", "contraction", "velocity")
+    outputs: ClassVar = {"force": ("force",)}
+    links: ClassVar = (Link("force", ("pressure", "contraction", "velocity"), "muscle_force"),)
+    available: ClassVar = frozenset("pressure muscle contraction contraction_velocity force".split())
+    largest_step: ClassVar = math.inf
+
+    muscle: McKibben
+    ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
+    effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
+
+    def rest(self, measured: Mapping[str, Array]) -> State:
+        return dict(measured)
+
+    def signals(self, state: State, held: Held) -> Signals:
+        states = {**state.get("effects", {}), **held.memory}
+        signals = Signals(
+            ambient_pressure=self.ambient_pressure,
+            pressure=state["pressure"],
+            muscle=self.muscle,
+            contraction=state["contraction"],
+            contraction_velocity=state["velocity"],
+        )
+        force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
+        signals = self._with(signals, MUSCLE_FORCE, force, states)
+        friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip_of_velocity(state["velocity"])
+        signals = signals.having(force=signals.muscle_force - friction)
+        return self._with(signals, FORCE_READING, signals.force, states)
+
+    def vector_field(self, state: State, held: Held) -> State:
+        signals = self.signals(state, held)
+        still = {name: jnp.zeros_like(state[name]) for name in self.imposed}
+        return {**still, "effects": state_rates(self.effects, state.get("effects", {}), signals)}
+
+    def readings(self, signals: Signals) -> dict[str, Array]:
+        return {"force": signals.force_reading}
+
+    def constrained(self, state: State) -> State:
+        return state

@@ -1,0 +1,134 @@
+"""A flow valve inflates one muscle, which lifts a mass off a base plate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.components import FlowValve, McKibben
+from jaxmuscle.components.gas import GAS_CONSTANT
+from jaxmuscle.effects.base import (
+    AbstractEffect,
+    friction_limit,
+    slip_of_mass,
+    state_rates,
+)
+from jaxmuscle.parameters import Scalar, parameter
+from jaxmuscle.signals import COMMAND, LOAD, MASS_FLOW, MUSCLE_FORCE, Signals
+
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2]"""
+
+
+class Isotonic(AbstractActuator):
+    r"""Rig `isotonic`: command → opening → mass flow → pressure → force → motion of the mass.
+
+    .. math:: \dot p = \frac{n R T \dot m - n p \dot V}{V}, \quad m \ddot x = F - m g, \quad x ≥ 0
+
+    n: `polytropic_exponent`, 1 for an isothermal chamber. [T] equation 18, [H] 2.29. The base plate at
+    x = 0 is unilateral and inelastic: it holds the mass while F < m g and stops it when it falls back.
+    """
+
+    rig: ClassVar = "isotonic"
+    units: ClassVar = {"command": "V", "load": "N", "motion": "m"}
+    quantities: ClassVar = {
+        "valve_area": "valve.area",
+        "valve_time_constant": "valve.time_constant",
+        "full_command": "valve.full_command",
+        "supply_pressure": "valve.supply_pressure",
+        "ambient_pressure": "ambient_pressure",
+        "gas_temperature": "gas_temperature",
+        "polytropic_exponent": "polytropic_exponent",
+        "initial_length": "muscle.initial_length",
+        "initial_radius": "muscle.initial_radius",
+        "braid_angle": "muscle.braid_angle",
+        "end_factor": "muscle.end_factor",
+        "mass": "mass",
+    }
+    commands: ClassVar = ("command",)
+    measured: ClassVar = {"pressure": ("pressure",), "position": ("position",)}
+    derivatives: ClassVar = {"velocity": "position"}
+    imposed: ClassVar = ()
+    outputs: ClassVar = {"pressure": ("pressure",), "position": ("position",)}
+    links: ClassVar = (
+        Link("pressure", ("position", "velocity"), "mass_flow"),
+        Link("position", ("pressure",), "load"),
+    )
+    available: ClassVar = frozenset(
+        "command past mass_flow pressure muscle contraction contraction_velocity position velocity".split()
+    )
+    largest_step: ClassVar = 0.002
+
+    valve: FlowValve
+    muscle: McKibben
+    mass: Scalar = parameter("kg", "mass that is lifted", positive=True)
+    ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
+    gas_temperature: Scalar = parameter("K", "temperature of the gas", default=293.15, positive=True)
+    polytropic_exponent: Scalar = parameter(
+        "", "1 isothermal … 1.4 adiabatic chamber", default=1.0, positive=True
+    )
+    effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
+
+    def rest(self, measured: Mapping[str, Array]) -> State:
+        return {"opening": jnp.zeros(()), **measured}
+
+    def signals(self, state: State, held: Held) -> Signals:
+        states = {**state.get("effects", {}), **held.memory}
+        signals = Signals(
+            past=held.past,
+            ambient_pressure=self.ambient_pressure,
+            gas_temperature=self.gas_temperature,
+            pressure=state["pressure"],
+            muscle=self.muscle,
+            contraction=state["position"],
+            contraction_velocity=state["velocity"],
+            position=state["position"],
+            velocity=state["velocity"],
+        )
+        signals = self._with(signals, COMMAND, held.command, states)
+        flow = self.valve.mass_flow(
+            state["opening"], signals.pressure, self.ambient_pressure, self.gas_temperature
+        )
+        signals = self._with(signals, MASS_FLOW, flow, states)
+        force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
+        signals = self._with(signals, MUSCLE_FORCE, force, states)
+        signals = self._with(signals, LOAD, signals.muscle_force - self.mass * STANDARD_GRAVITY, states)
+        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals)
+        in_guide = friction_limit(self.effects, LOAD, signals)
+        slip = slip_of_mass(signals.load, self.mass * signals.velocity, in_threads + in_guide)
+        return signals.having(
+            muscle_force=signals.muscle_force - in_threads * slip,
+            load=signals.load - (in_threads + in_guide) * slip,
+        )
+
+    def vector_field(self, state: State, held: Held) -> State:
+        signals = self.signals(state, held)
+        n = self.polytropic_exponent
+        volume = self.muscle.volume(signals.contraction)
+        volume_rate = self.muscle.volume_slope(signals.contraction) * signals.velocity
+        inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
+        acceleration = signals.load / self.mass
+        held_by_plate = (signals.position <= 0) & (acceleration < 0)
+        return {
+            "opening": self.valve.opening_rate(signals.command, state["opening"]),
+            "pressure": n * (inflow - signals.pressure * volume_rate) / volume,
+            "position": signals.velocity,
+            "velocity": jnp.where(held_by_plate, 0.0, acceleration),
+            "effects": state_rates(self.effects, state.get("effects", {}), signals),
+        }
+
+    def readings(self, signals: Signals) -> dict[str, Array]:
+        return {"pressure": signals.pressure, "position": signals.position}
+
+    def constrained(self, state: State) -> State:
+        below = state["position"] <= 0
+        return {
+            **state,
+            "position": jnp.where(below, 0.0, state["position"]),
+            "velocity": jnp.where(below, jnp.maximum(state["velocity"], 0.0), state["velocity"]),
+        }

@@ -1,0 +1,52 @@
+"""Compressible flow of air through an orifice."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+GAMMA = 1.4
+"""Ratio of specific heats of air [-]."""
+GAS_CONSTANT = 287.0
+"""Specific gas constant of air [J/(kg K)]."""
+CRITICAL_RATIO = (2 / (GAMMA + 1)) ** (GAMMA / (GAMMA - 1))
+"""Pressure ratio at and below which the flow is choked, 0.5283 [-]."""
+LAMINAR_RATIO = 0.999
+"""Above this pressure ratio the flow is linear in the pressure difference, as in the laminar range of ISO 6358."""
+
+Value = Float[Array, "..."]
+
+
+def nozzle_flow(area: Value, pressure_in: Value, pressure_out: Value, temperature: Value) -> Value:
+    r"""Mass flow from `pressure_in` to `pressure_out`, negative when the pressures are reversed.
+
+    .. math:: \dot m = A\,p_u \sqrt{\tfrac{2γ}{(γ-1)RT}\,(β^{2/γ} - β^{(γ+1)/γ})},
+              \quad β = \max(p_d/p_u,\,0.528)
+
+    Thesis [H], equations 2.18 to 2.22. Between a ratio of 0.999 and 1 the root, whose slope is infinite at
+    equal pressures, is replaced by the chord to zero: the flow is continuous and its gradient is finite
+    everywhere.
+
+    Args:
+        area: effective area A, discharge coefficient included [m^2].
+        pressure_in, pressure_out: absolute pressures [Pa], above zero.
+        temperature: T of the gas upstream [K].
+
+    Returns:
+        mass flow [kg/s], broadcast over the arguments.
+    """
+    forward = pressure_in >= pressure_out
+    upstream = jnp.where(forward, pressure_in, pressure_out)
+    downstream = jnp.where(forward, pressure_out, pressure_in)
+    ratio = downstream / upstream
+    factor = jnp.sqrt(2 * GAMMA / ((GAMMA - 1) * GAS_CONSTANT * temperature))
+    magnitude = area * upstream * factor * _shape(ratio)
+    return jnp.where(forward, magnitude, -magnitude)
+
+
+def _shape(ratio: Value) -> Value:
+    """The root of equation 2.18 over the pressure ratio, with choking and the laminar chord."""
+    laminar = ratio > LAMINAR_RATIO
+    inside = jnp.clip(jnp.where(laminar, LAMINAR_RATIO, ratio), CRITICAL_RATIO, LAMINAR_RATIO)
+    root = jnp.sqrt(inside ** (2 / GAMMA) - inside ** ((GAMMA + 1) / GAMMA))
+    return root * jnp.where(laminar, (1 - ratio) / (1 - LAMINAR_RATIO), 1.0)

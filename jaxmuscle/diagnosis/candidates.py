@@ -1,0 +1,67 @@
+"""Effects that a rig may have and its model lacks: where to start fitting them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.parameters import parameters
+
+MULTIPLES = (0.3, 1.0, 3.0)
+"""Strengths that are tried, in units of the linear estimate: a large effect is far from linear."""
+
+
+def missing(
+    actuator: AbstractActuator, catalogue: Sequence[type[AbstractEffect]]
+) -> list[type[AbstractEffect]]:
+    """The effects of `catalogue` that the rig can have and the model does not."""
+    return [effect for effect in catalogue if actuator.offers(effect) and effect.name not in actuator.effects]
+
+
+def loaded(actuator: AbstractActuator, effects: Sequence[type[AbstractEffect]]) -> AbstractActuator:
+    """`actuator` carrying all `effects` at zero strength: one structure, compiled once."""
+    return actuator.with_effects(**{effect.name: effect() for effect in effects})
+
+
+def paths_of(model: AbstractActuator, name: str) -> list[str]:
+    """Paths of the parameters of the effect `name`."""
+    return [path for path in parameters(model) if path.startswith(f"effects.{name}.")]
+
+
+def strength_path(effect: type[AbstractEffect]) -> str:
+    """Path of the strength of an effect."""
+    return f"effects.{effect.name}.{effect.strength}"
+
+
+def linear_strength(
+    residual: Float[NDArray, " n"], free: Float[NDArray, "k n"], direction: Float[NDArray, " n"]
+) -> tuple[float, float]:
+    """Least-squares strength of an effect whose residuals change by `direction` per unit, and its gain.
+
+    The sensitivities of the parameters that are free anyway are projected off both, so that the gain is
+    what no refit of the present model could achieve. Returns (strength, relative fall of the cost).
+    """
+    basis, _ = np.linalg.qr(free.T)
+    rest = residual - basis @ (basis.T @ residual)
+    own = direction - basis @ (basis.T @ direction)
+    norm = own @ own
+    if norm <= 1e-12 * max(direction @ direction, 1e-300):
+        return 0.0, 0.0
+    return float(-(own @ rest) / norm), float((own @ rest) ** 2 / norm / max(rest @ rest, 1e-300))
+
+
+def starts(effect: type[AbstractEffect], estimate: float, nonnegative: bool) -> Iterator[Mapping[str, float]]:
+    """Parameter values (by path) from which a fit of `effect` may begin."""
+    for shape in effect.starts or ({},):
+        given = {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
+        if strength_path(effect) in given:
+            yield given
+            continue
+        for multiple in MULTIPLES:
+            strength = multiple * (abs(estimate) if nonnegative else estimate)
+            yield {**given, strength_path(effect): strength}

@@ -1,0 +1,129 @@
+"""Find what a model lacks: fit, look for the effect that unseen data support, add it, refit, repeat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.conclude import Outcome, conclude, mean_squares
+from jaxmuscle.diagnosis.evidence import compare
+from jaxmuscle.diagnosis.rank import Candidate, Ranking, rank
+from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
+from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.fitting.case import Case, case
+from jaxmuscle.fitting.problem import Problem, expected_spread
+from jaxmuscle.recordings.recording import Recording
+
+MOST_EFFECTS = 3
+LEAST_GAIN = 0.10
+"""Part of the excess error on unseen windows that an effect must remove."""
+LARGEST_P = 0.01
+NOTHING_LEFT = 1.1
+"""Mean square weighted residual (1 = noise) of the training data below which no effect can gain that much."""
+TOLD_APART = 0.05
+"""p-value below which the best candidate is told apart from another."""
+FIT_STEPS = 60
+SPREAD = 2.0
+"""Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
+
+_expected_spread = eqx.filter_jit(expected_spread)
+
+
+def _silent(message: str) -> None:
+    """Progress that goes nowhere."""
+
+
+def diagnose(
+    recording: Recording,
+    *,
+    held_out: float | NDArray[np.bool_] = 0.3,
+    ignored: NDArray[np.bool_] | None = None,
+    catalogue: Sequence[type[AbstractEffect]] = CATALOGUE,
+    progress: Callable[[str], None] = _silent,
+) -> Diagnosis:
+    """Fit the model that a recording's card declares and find what it lacks.
+
+    Every round fits the present model and the model with each candidate on half of the training windows
+    and judges them on the other half, both ways. The best candidate is added when it removes at least a
+    tenth of the excess error on unseen windows with p < 0.01; everything is refitted; at most three
+    effects are added. The held-out rows are used once, for the errors that are reported.
+
+    Args:
+        recording: as :func:`jaxmuscle.read` gives it.
+        held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
+        ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle).
+        catalogue: effects to choose from.
+        progress: called with a line of text at each step.
+
+    Returns:
+        a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing) or
+        "unexplained" (something is, and no effect of the catalogue explains it).
+    """
+    begin = time.perf_counter()
+    prepared = case(recording, held_out, ignored)
+    bench = workbench(prepared.actuator, prepared.priors, missing(prepared.actuator, catalogue))
+    progress("fitting the declared model")
+    declared, minimum = bench.fit(bench.model, [], prepared.training, FIT_STEPS)
+    training = _with_spread(prepared, declared)
+    declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
+    model, found, rounds = declared, [], []
+    while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
+        if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
+            break
+        ranking = rank(bench, model, [f.effect.name for f in found], training, progress)
+        best = _supported(ranking)
+        rounds.append(_round(ranking, best))
+        if best is None:
+            break
+        found.append(best)
+        progress(f"adding {best.effect.name}, refitting everything")
+        names = [f.effect.name for f in found]
+        model, minimum = bench.fit(best.models[0], names, training, FIT_STEPS)
+    progress("predicting the held-out data")
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), minimum.converged)
+    return conclude(prepared, bench, training, outcome, begin)
+
+
+def _with_spread(prepared: Case, model: AbstractActuator) -> Problem:
+    """The training windows, with weights that allow for what the smoothed states leave uncertain."""
+    training = prepared.training
+    wider = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
+    variance = _expected_spread(model, training, wider)
+    weights = {
+        out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + variance[out]), 0.0)
+        for out, w in training.weights.items()
+    }
+    return training.with_weights(weights)
+
+
+def _supported(ranking: Ranking) -> Candidate | None:
+    """The best candidate, if the unseen windows support it."""
+    best = ranking.candidates[0] if ranking.candidates else None
+    if best is None or best.evidence.gain < LEAST_GAIN or best.evidence.p_value > LARGEST_P:
+        return None
+    return best
+
+
+def _round(ranking: Ranking, best: Candidate | None) -> Round:
+    first = ranking.candidates[0]
+    entries = tuple(
+        Alternative(
+            candidate.effect.name,
+            candidate.effect.slot.name,
+            candidate.evidence.gain,
+            candidate.evidence.p_value,
+            candidate.evidence.loss,
+            candidate is not first and compare(candidate.losses, first.losses).p_value < TOLD_APART,
+        )
+        for candidate in ranking.candidates
+    )
+    return Round(ranking.loss, entries, best.effect.name if best else None)

@@ -1,0 +1,161 @@
+"""What a diagnosis says, as plain data."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.recordings.recording import Recording
+
+Series = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A fitted value with its standard deviation, both in `unit` (SI)."""
+
+    value: float
+    std: float
+    unit: str
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added: its parameters and the evidence on data not used for fitting.
+
+    `gain`: part of the mean square error on unseen training windows that it removed; `p_value` of that.
+    """
+
+    name: str
+    signal: str
+    meaning: str
+    source: str
+    parameters: dict[str, Estimate]
+    gain: float
+    p_value: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Alternative:
+    """A candidate as it did in the round that added the best one (or none).
+
+    `loss`: mean square of its weighted residuals on unseen windows, 1 being the sensors' noise.
+    `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
+    """
+
+    name: str
+    signal: str
+    gain: float
+    p_value: float
+    loss: float
+    told_apart: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Round:
+    """One search: the loss of the present model, all candidates best first, and which was added."""
+
+    loss: float
+    ranking: tuple[Alternative, ...]
+    added: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Error:
+    """Error of one column: root mean square (SI), relative to the column's own spread and to its noise."""
+
+    rmse: float
+    unit: str
+    nrmse: float
+    in_noise: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Unexplained:
+    """What is left in one signal: the part of the missing rate that the named variables explain."""
+
+    signal: str
+    share: float
+    depends_on: tuple[str, ...]
+    rms_in_noise: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Reveal:
+    """The residual of one link against the variable that shows best what the declared model lacks.
+
+    `before`, `after`: missing rate of the state behind the output (or the residual of an imposed rig's
+    reading) under the declared and under the final model, sample by sample, in `unit`.
+    """
+
+    signal: str
+    variable: str
+    variable_unit: str
+    unit: str
+    x: Series
+    before: Series
+    after: Series
+
+
+@dataclasses.dataclass(frozen=True)
+class Traces:
+    """Measured and predicted columns over time; NaN where nothing is predicted.
+
+    `windows`: first row of each window of prediction; `held_out`: rows that no fit has seen.
+    """
+
+    time: Series
+    measured: dict[str, Series]
+    before: dict[str, Series]
+    after: dict[str, Series]
+    windows: NDArray[np.int64]
+    held_out: NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """The outcome of :func:`jaxmuscle.diagnose`.
+
+    Attributes:
+        verdict: "effects found", "complete" or "unexplained".
+        effects: what was added, in order; `rounds` tells the searches behind it.
+        declared, model: the machine as declared and as found, both fitted to all training data.
+        before, after: "training" and "held_out" → column → error.
+        parameters: card name or path of every fitted parameter of `model`.
+        correlations: between those parameters.
+    """
+
+    recording: Recording
+    verdict: str
+    effects: tuple[FoundEffect, ...]
+    rounds: tuple[Round, ...]
+    declared: AbstractActuator
+    model: AbstractActuator
+    before: dict[str, dict[str, Error]]
+    after: dict[str, dict[str, Error]]
+    noise: dict[str, float]
+    units: dict[str, str]
+    horizon: float | None
+    held_out_fraction: float
+    unexplained: tuple[Unexplained, ...]
+    parameters: dict[str, Estimate]
+    correlations: pd.DataFrame
+    reveal: Reveal | None
+    traces: Traces
+    converged: bool
+    seconds: float
+    settings: dict[str, Any]
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Runners-up of the first search, best first."""
+        if not self.rounds:
+            return ()
+        first = self.rounds[0]
+        return tuple(a for a in first.ranking if a.name != first.added)

@@ -1,0 +1,57 @@
+"""How sure the fitted values are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.diagnosis.result import Estimate
+from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.parameters import get, parameters
+
+
+def estimates(
+    bench: Workbench, model: AbstractActuator, effects: Sequence[str], problem: Problem
+) -> tuple[dict[str, Estimate], pd.DataFrame]:
+    """Values, standard deviations and correlations of all fitted parameters, by path.
+
+    The covariance is that of Gauss and Newton, (JᵀJ)⁻¹, for independent residuals, or the sandwich
+    (JᵀJ)⁻¹ (Σ g gᵀ) (JᵀJ)⁻¹ with g the gradient of one window, which allows for any correlation within a
+    window (Liang and Zeger 1986): for each parameter the larger of the two standard deviations is given.
+    """
+    paths = bench.free_paths(model, effects)
+    residual, slopes = bench.jacobian(model, problem, paths, effects)
+    scale = np.linalg.norm(slopes, axis=1)
+    scale = np.where(scale > 0, scale, 1.0)
+    covariance = _covariance(residual, slopes / scale[:, None], problem) / np.outer(scale, scale)
+    std = np.sqrt(np.diag(covariance))
+    entries = parameters(model)
+    values = {
+        path: Estimate(float(get(model, path)), float(s), entries[path].unit, entries[path].meaning)
+        for path, s in zip(paths, std, strict=True)
+    }
+    safe = np.where(std > 0, std, 1.0)
+    return values, pd.DataFrame(covariance / np.outer(safe, safe), index=paths, columns=paths)
+
+
+def _covariance(
+    residual: Float[NDArray, " n"], slopes: Float[NDArray, "k n"], problem: Problem
+) -> Float[NDArray, "k k"]:
+    bread = np.linalg.pinv(slopes @ slopes.T, hermitian=True)
+    windows = len(problem.rows)
+    gradients, begin = np.zeros((windows, len(slopes))), 0
+    for target in problem.targets.values():
+        block = slice(begin, begin + target.size)
+        products = (slopes[:, block] * residual[block]).reshape(len(slopes), windows, -1)
+        gradients += products.sum(-1).T
+        begin += target.size
+    correction = windows / max(windows - 1, 1)
+    sandwich = correction * bread @ (gradients.T @ gradients) @ bread
+    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(bread), 1e-300), 1.0))
+    return bread * np.outer(ratio, ratio)

@@ -1,0 +1,117 @@
+"""Something is missing: on which variables does it depend? A nonparametric term on a signal, no guess at its cause."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from jaxmuscle.diagnosis.rates import MissingRate
+from jaxmuscle.fitting.case import Case
+
+Series = NDArray[np.float64]
+
+DEGREE = 5
+WORTHWHILE = 0.05
+"""Further share that a variable must explain to be named."""
+MOST = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Dependence:
+    """Share of the missing rate that smooth functions of `variables` explain on unseen windows."""
+
+    variables: tuple[str, ...]
+    share: float
+
+
+def variables(case: Case) -> dict[str, Series]:
+    """The measured variables of a recording, by name: columns, and rates of those that have a rate state."""
+    actuator, measured = case.actuator, case.observed.track.measured
+    named: dict[str, Series] = {}
+    for state, columns in {
+        **actuator.measured,
+        **{d: actuator.measured[b] for d, b in actuator.derivatives.items()},
+    }.items():
+        table = np.asarray(measured[state]).reshape(case.observed.samples, -1)
+        for i, column in enumerate(columns):
+            named[column if state in actuator.measured else state] = table[:, i]
+    return named
+
+
+def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) -> Dependence:
+    """Find the variables on which a missing rate depends, one by one, judged on windows left out.
+
+    Every second training window is fitted, the others judge, and the other way round. Weights are the
+    precision of the missing rate at each sample.
+    """
+    rows, fold = _training_rows(case)
+    chosen: tuple[str, ...] = ()
+    best = 0.0
+    while len(chosen) < MOST:
+        trials = {
+            (*chosen, name): _explained(missing, named, (*chosen, name), rows, fold)
+            for name in named
+            if name not in chosen
+        }
+        if not trials:
+            break
+        candidate = max(trials, key=lambda names: trials[names])
+        if trials[candidate] < best + WORTHWHILE:
+            break
+        chosen, best = candidate, trials[candidate]
+    return Dependence(chosen, best)
+
+
+def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the training windows, and the fold of each."""
+    windows = case.windows
+    rows, folds = [], []
+    for number in np.flatnonzero(~windows.held_out):
+        inside = windows.rows[number] + np.flatnonzero(windows.mask[number])
+        rows.append(inside)
+        folds.append(np.full(len(inside), number % 2))
+    return np.concatenate(rows), np.concatenate(folds)
+
+
+def _explained(
+    missing: MissingRate,
+    named: Mapping[str, Series],
+    names: tuple[str, ...],
+    rows: NDArray[np.int64],
+    fold: NDArray[np.int64],
+) -> float:
+    basis = _basis([named[name][rows] for name in names])
+    before = after = 0.0
+    for column, values in missing.values.items():
+        spread = missing.spread[column][rows]
+        weight = 1 / np.maximum(spread, np.quantile(spread, 0.05) + 1e-300)
+        target, scaled = values[rows] * weight, basis * weight[:, None]
+        for judged in (0, 1):
+            fitted, unseen = fold != judged, fold == judged
+            ridge = np.sqrt(1e-6) * np.linalg.norm(scaled[fitted], axis=0).max() * np.eye(basis.shape[1])
+            coefficients = np.linalg.lstsq(
+                np.vstack([scaled[fitted], ridge]), np.concatenate([target[fitted], ridge[0] * 0]), rcond=None
+            )[0]
+            before += float((target[unseen] ** 2).sum())
+            after += float(((target[unseen] - scaled[unseen] @ coefficients) ** 2).sum())
+    return 1 - after / before if before > 0 else 0.0
+
+
+def _basis(series: list[Series]) -> NDArray[np.float64]:
+    """Legendre polynomials of every variable, their signs, and the products of low degree between them."""
+    parts = [np.ones((len(series[0]), 1))]
+    low = []
+    for values in series:
+        centre, half = 0.5 * (values.max() + values.min()), 0.5 * np.ptp(values) + 1e-300
+        polynomials = legendre.legvander((values - centre) / half, DEGREE)[:, 1:]
+        sign = np.tanh(values / (0.02 * np.abs(values).max() + 1e-300))[:, None]
+        parts += [polynomials, sign]
+        low.append(np.hstack([polynomials[:, :2], sign]))
+    for i, first in enumerate(low):
+        for second in low[i + 1 :]:
+            parts.append((first[:, :, None] * second[:, None, :]).reshape(len(first), -1))
+    return np.hstack(parts)

@@ -1,0 +1,56 @@
+"""The catalogue of effects. A new effect is a class in one of these files and a line in `CATALOGUE`."""
+
+from jaxmuscle.effects.base import (
+    AbstractEffect,
+    AbstractMemoryEffect,
+    AbstractRateEffect,
+    AbstractStaticEffect,
+)
+from jaxmuscle.effects.bladder import BladderHoopStiffness, BladderStiffness
+from jaxmuscle.effects.flow import ChamberLeak, CommandDelay
+from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
+from jaxmuscle.effects.hysteresis import LengthHysteresis
+from jaxmuscle.effects.load import Gravity, LoadDamping
+from jaxmuscle.effects.muscle import MuscleMismatch, PressureDependentEnds
+from jaxmuscle.effects.sensor import ForceSensorLag
+from jaxmuscle.effects.viscoelastic import Creep
+
+CATALOGUE: tuple[type[AbstractEffect], ...] = (
+    CommandDelay,
+    ChamberLeak,
+    ThreadFriction,
+    LengthHysteresis,
+    Creep,
+    BladderStiffness,
+    BladderHoopStiffness,
+    PressureDependentEnds,
+    MuscleMismatch,
+    LoadFriction,
+    LoadDamping,
+    Gravity,
+    ForceSensorLag,
+)
+
+BY_NAME: dict[str, type[AbstractEffect]] = {effect.name: effect for effect in CATALOGUE}
+
+__all__ = [
+    "BY_NAME",
+    "CATALOGUE",
+    "AbstractEffect",
+    "AbstractMemoryEffect",
+    "AbstractRateEffect",
+    "AbstractStaticEffect",
+    "BladderHoopStiffness",
+    "BladderStiffness",
+    "ChamberLeak",
+    "CommandDelay",
+    "Creep",
+    "ForceSensorLag",
+    "Gravity",
+    "LengthHysteresis",
+    "LoadDamping",
+    "LoadFriction",
+    "MuscleMismatch",
+    "PressureDependentEnds",
+    "ThreadFriction",
+]

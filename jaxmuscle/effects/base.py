@@ -1,0 +1,168 @@
+"""What an effect is: an addition to one signal of the chain, vanishing exactly at zero strength.
+
+Three kinds: static (no state), with a state that has a rate, and with a memory that is updated exactly at
+the end of each solver step. An effect declares the slot it adds to, the signals it reads, and the
+parameter that is its strength; rigs and the diagnosis know nothing else about it.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from jaxmuscle.signals import Signals, Slot
+
+
+class AbstractEffect(eqx.Module):
+    """Common to all effects.
+
+    Class variables:
+        name: the name that cards and results use.
+        slot: the signal it adds to.
+        reads: names of the signals that it needs; it is offered only to rigs that have them.
+        strength: the parameter at whose zero value the addition is exactly zero.
+        starts: alternative values of its other parameters from which a search begins.
+        source: where the equation comes from.
+    """
+
+    name: eqx.AbstractClassVar[str]
+    slot: eqx.AbstractClassVar[Slot]
+    reads: eqx.AbstractClassVar[frozenset[str]]
+    strength: eqx.AbstractClassVar[str]
+    starts: eqx.AbstractClassVar[tuple[Mapping[str, float], ...]]
+    source: eqx.AbstractClassVar[str]
+
+
+class AbstractStaticEffect(AbstractEffect):
+    """An effect without a state."""
+
+    @abc.abstractmethod
+    def value(self, signals: Signals) -> Array:
+        """The addition to the slot, in its unit."""
+
+
+class AbstractFrictionEffect(AbstractEffect):
+    r"""Dry friction: a limit, of which the machine uses the part that the motion calls for.
+
+    The addition is -limit·slip, with a slip of 1 while sliding forward, -1 while sliding backward and
+    in between while sticking; each machine works it out (:func:`slip_of_mass`, :func:`slip_of_velocity`).
+    """
+
+    @abc.abstractmethod
+    def limit(self, signals: Signals) -> Array:
+        """The largest friction force, in the unit of the slot, not negative."""
+
+
+class AbstractRateEffect(AbstractEffect):
+    """An effect with a state that is integrated with the machine's own."""
+
+    @abc.abstractmethod
+    def initial(self, signals: Signals) -> PyTree:
+        """The state at rest under the given signals."""
+
+    @abc.abstractmethod
+    def rate(self, state: PyTree, signals: Signals) -> PyTree:
+        """Time derivative of the state."""
+
+    @abc.abstractmethod
+    def value(self, state: PyTree, signals: Signals) -> Array:
+        """The addition to the slot, in its unit."""
+
+
+class AbstractMemoryEffect(AbstractEffect):
+    """An effect with a memory that is brought up to date at the end of each solver step, without error."""
+
+    @abc.abstractmethod
+    def initial(self, signals: Signals) -> PyTree:
+        """The memory at rest under the given signals."""
+
+    @abc.abstractmethod
+    def update(self, memory: PyTree, signals: Signals, step: Array) -> PyTree:
+        """The memory after `step` seconds that ended with `signals`."""
+
+    @abc.abstractmethod
+    def value(self, memory: PyTree, signals: Signals) -> Array:
+        """The addition to the slot, in its unit."""
+
+
+STICKING_TIME = 5e-4
+"""Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
+
+Effects = Mapping[str, AbstractEffect]
+States = Mapping[str, Any]
+
+
+def addition(effects: Effects, slot: Slot, states: States, signals: Signals) -> Array | float:
+    """Sum of what the effects of `slot` add under `signals`, in the order in which they were declared.
+
+    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`.
+    """
+    total: Array | float = 0.0
+    for name, effect in effects.items():
+        if effect.slot == slot and not isinstance(effect, AbstractFrictionEffect):
+            total = total + effect_value(effect, states.get(name), signals)
+    return total
+
+
+def effect_value(effect: AbstractEffect, state: Any, signals: Signals) -> Array:
+    """The addition of one effect other than dry friction, with or without a state."""
+    if isinstance(effect, AbstractStaticEffect):
+        return effect.value(signals)
+    assert isinstance(effect, AbstractRateEffect | AbstractMemoryEffect)
+    return effect.value(state, signals)
+
+
+def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | float:
+    """Sum of the limits of all dry friction on a slot."""
+    limits = [
+        e.limit(signals) for e in effects.values() if isinstance(e, AbstractFrictionEffect) and e.slot == slot
+    ]
+    return sum(limits, start=0.0)
+
+
+def slip_of_mass(driving: Array, momentum: Array, limit: Array | float) -> Array:
+    r"""Slip of a mass under dry friction: :math:`\mathrm{clip}((F + m v/τ)/L, -1, 1)`.
+
+    The Coulomb law with a true sticking phase (Kikuuwe et al., IEEE Trans. Robotics 22, 2006): friction
+    balances the driving force F and brings the mass to rest within τ as long as its limit L suffices, and
+    slides at the limit otherwise. Not stiffer than 1/τ however large the friction. At L = 0 it is the sign
+    of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
+    """
+    wanted = driving + momentum / STICKING_TIME
+    some = jnp.asarray(limit) > 0
+    ratio = wanted / jnp.where(some, limit, 1.0)
+    return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
+
+
+def slip_of_velocity(velocity: Array, width: float = 1e-4) -> Array:
+    """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s]."""
+    return jnp.tanh(velocity / width)
+
+
+def initial_states(effects: Effects, signals: Signals) -> tuple[dict[str, Any], dict[str, Any]]:
+    """(integrated states, memories) of all effects at rest under `signals`."""
+    states = {n: e.initial(signals) for n, e in effects.items() if isinstance(e, AbstractRateEffect)}
+    memories = {n: e.initial(signals) for n, e in effects.items() if isinstance(e, AbstractMemoryEffect)}
+    return states, memories
+
+
+def state_rates(effects: Effects, states: States, signals: Signals) -> dict[str, Any]:
+    """Time derivatives of all integrated effect states."""
+    return {n: e.rate(states[n], signals) for n, e in effects.items() if isinstance(e, AbstractRateEffect)}
+
+
+def updated_memories(effects: Effects, memories: States, signals: Signals, step: Array) -> dict[str, Any]:
+    """All memories after a solver step of `step` seconds that ended with `signals`."""
+    return {
+        n: e.update(memories[n], signals, step)
+        for n, e in effects.items()
+        if isinstance(e, AbstractMemoryEffect)
+    }
+
+
+NO_STARTS: ClassVar = ({},)

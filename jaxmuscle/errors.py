@@ -1,0 +1,82 @@
+"""Errors that the user can mend, and what their messages are made of."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+class InputError(ValueError):
+    """The user's input is at fault: the message says what was expected, what came and what to do."""
+
+
+class Problems:
+    """The faults of one file, told together: the user mends them in one go."""
+
+    def __init__(self, file: object) -> None:
+        """Start without a fault; `file` begins the message."""
+        self.file = file
+        self.found: list[str] = []
+
+    def add(self, where: str, message: str) -> None:
+        """Note a fault at a place in the file."""
+        self.found.append(f"{where}: {message}")
+
+    @contextmanager
+    def at(self, where: str) -> Iterator[None]:
+        """Note the `InputError` that is raised inside as a fault at a place, and go on."""
+        try:
+            yield
+        except InputError as error:
+            self.add(where, str(error))
+
+    def check(self) -> None:
+        """Raise one `InputError` with everything noted, if anything was."""
+        if len(self.found) == 1:
+            raise InputError(f"{self.file}: {self.found[0]}")
+        if self.found:
+            lines = "".join(f"\n  - {problem}" for problem in self.found)
+            raise InputError(f"{self.file}: {len(self.found)} problems{lines}")
+
+
+def nearest(name: str, options: Iterable[str], *, all_if_none_near: bool = True) -> str:
+    """The end of a message about an unknown name: the nearest option, else all of them (or nothing)."""
+    by_lower = {option.lower(): option for option in options}
+    near = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
+    if near:
+        return f"; did you mean {by_lower[near[0]]!r}?"
+    if not all_if_none_near:
+        return ""
+    return f"; expected one of {', '.join(by_lower.values())}" if by_lower else "; there is none"
+
+
+def existing_file(path: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
+    """`path` when it is a file.
+
+    Args:
+        path: where the file should be.
+        kind: what it is, in the words of the message ("card", "recording").
+        suffixes: endings of such files; those in the same folder are listed in the message.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; expected a {kind} ({' or '.join(suffixes)})")
+    if not path.parent.is_dir():
+        raise InputError(f"no {kind} {str(path)!r}: there is no folder {str(path.parent)!r}")
+    others = sorted(file.name for file in path.parent.iterdir() if file.suffix.lower() in suffixes)
+    hint = nearest(path.name, others[:20]) if others else f"; the folder holds no {' or '.join(suffixes)}"
+    raise InputError(f"no {kind} {path.name!r} in {str(path.parent.resolve())!r}{hint}")
+
+
+def file_content(path: Path) -> bytes:
+    """The bytes of a file; `InputError` when it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error

@@ -1,0 +1,133 @@
+"""Residuals of a machine on a recording: each link of the chain, each window, each sample."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxmuscle.actuators.base import AbstractActuator, Link
+from jaxmuscle.fitting.windows import Windows
+from jaxmuscle.recordings.track import Observed
+from jaxmuscle.simulate import Start, Track, observe, predict
+
+BROKEN = 1e4
+"""Residual that stands for a prediction that is not a number: large, but no end to the fit."""
+
+Residuals = dict[str, Float[Array, "windows samples *muscles"]]
+
+
+class Problem(eqx.Module):
+    """A recording cut into windows, with a weight for every predicted number.
+
+    Attributes:
+        targets: output → measured values, window by window.
+        weights: output → one over the standard deviation to be expected of the residual, zero where masked.
+    """
+
+    track: Track
+    rows: Int[Array, " windows"]
+    targets: Residuals
+    weights: Residuals
+    samples: int = eqx.field(static=True)
+    total: int = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+
+    def with_weights(self, weights: Residuals) -> Problem:
+        """A copy with other weights."""
+        return eqx.tree_at(lambda p: p.weights, self, weights)
+
+    def only(self, windows: np.ndarray) -> Problem:
+        """A copy in which only the given windows (boolean) count."""
+        return self.with_weights({o: w * _along(windows, w) for o, w in self.weights.items()})
+
+
+def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
+    """Cut `observed` into `windows`, weighted by the sensors' noise."""
+    index = np.minimum(windows.rows[:, None] + np.arange(windows.samples), observed.samples - 1)
+    targets = {out: values[index] for out, values in observed.outputs.items()}
+    weights = {
+        out: jnp.asarray(windows.mask).reshape(windows.mask.shape + (1,) * (target.ndim - 2))
+        / jnp.broadcast_to(observed.noise[out], target.shape)
+        for out, target in targets.items()
+    }
+    return Problem(
+        observed.track,
+        jnp.asarray(windows.rows),
+        targets,
+        weights,
+        windows.samples,
+        observed.samples,
+        substeps,
+    )
+
+
+def link_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Every output predicted by its own link, the inputs of the link as measured."""
+    hidden = observe(actuator, problem.track, problem.total)
+    return {link.output: _predict(actuator, problem, link, hidden) for link in actuator.links}
+
+
+def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Every output predicted from the command alone, window by window."""
+    hidden = observe(actuator, problem.track, problem.total)
+    return predict(
+        actuator,
+        problem.track,
+        problem.rows,
+        samples=problem.samples,
+        imposed=actuator.imposed,
+        substeps=problem.substeps,
+        hidden=hidden,
+    )
+
+
+def residuals(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Weighted residuals (predicted - measured) of all links."""
+    predicted = link_predictions(actuator, problem)
+    return {out: weighted(predicted[out], problem, out) for out in predicted}
+
+
+def weighted(predicted: Array, problem: Problem, output: str) -> Array:
+    """Weighted residual of one output; what is not a number counts as :data:`BROKEN`."""
+    residual = (predicted - problem.targets[output]) * problem.weights[output]
+    return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
+
+
+def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
+    """Variance that the uncertainty of the smoothed states puts on the predictions of the links.
+
+    Each measured state and each derivative is shifted by ± its standard deviation, both where it starts a
+    window and where it is imposed; half the difference of the predictions, squared, is summed.
+    """
+
+    def shifted(name: str, sign: float) -> Residuals:
+        measured = problem.track.measured
+        track = eqx.tree_at(
+            lambda t: t.measured, problem.track, {**measured, name: measured[name] + sign * spread[name]}
+        )
+        return link_predictions(actuator, eqx.tree_at(lambda p: p.track, problem, track))
+
+    total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
+    for name in actuator.derivatives:
+        up, down = shifted(name, 1.0), shifted(name, -1.0)
+        total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
+    return jax.tree.map(lambda variance: jnp.where(jnp.isfinite(variance), variance, 0.0), total)
+
+
+def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start) -> Array:
+    return predict(
+        actuator,
+        problem.track,
+        problem.rows,
+        samples=problem.samples,
+        imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
+        substeps=problem.substeps,
+        hidden=hidden,
+    )[link.output]
+
+
+def _along(windows: np.ndarray, weights: Array) -> Array:
+    return jnp.asarray(windows, dtype=float).reshape((-1,) + (1,) * (weights.ndim - 1))

@@ -1,0 +1,130 @@
+"""Parameters with a unit and a meaning, and the tools that read and replace them by name.
+
+Every number of a model is a float64 array leaf declared with :func:`parameter`. Nothing else in the
+package knows the concrete parameters: fitting, sweeps, cards and reports go through :func:`parameters`,
+:func:`get` and :func:`replace`, which address a leaf by its dotted path (``"muscle.end_factor"``,
+``"effects.creep.strength"``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import pandas as pd
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+
+_REQUIRED = dataclasses.MISSING
+Model = TypeVar("Model", bound=eqx.Module)
+
+
+def parameter(
+    unit: str,
+    meaning: str,
+    *,
+    default: Any = _REQUIRED,
+    positive: bool = False,
+    nonnegative: bool = False,
+    typical: float | None = None,
+) -> Any:
+    """Declare a field of a model as a parameter.
+
+    Args:
+        unit: SI unit as pint reads it; ``{load}`` and ``{motion}`` stand for the units of the load and
+            of its position in the rig at hand (N and m, or N m and rad).
+        meaning: one line in the words of the field.
+        default: value when none is given.
+        positive: kept above zero by every fit.
+        nonnegative: may be zero, never below, in every fit.
+        typical: natural size (SI) of a parameter whose default is zero: how far a fit may well move it.
+    """
+    return eqx.field(
+        converter=lambda value: jnp.asarray(value, dtype=float),
+        default=default,
+        metadata={
+            "unit": unit,
+            "meaning": meaning,
+            "positive": positive,
+            "nonnegative": nonnegative,
+            "typical": typical,
+        },
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model: dotted `path`, `value` (SI), `unit`, `meaning`, and how a fit treats it."""
+
+    path: str
+    value: Any
+    unit: str
+    meaning: str
+    positive: bool
+    nonnegative: bool
+    typical: float | None
+
+
+def parameters(model: eqx.Module) -> dict[str, Parameter]:
+    """Every parameter of `model` by its dotted path, in the order of declaration."""
+    units = getattr(model, "units", {})
+    return {entry.path: entry for entry in _walk(model, "", units)}
+
+
+def describe(model: eqx.Module) -> pd.DataFrame:
+    """A table of every parameter of `model`: path, value, unit, meaning."""
+    rows = [(p.path, _plain(p.value), p.unit, p.meaning) for p in parameters(model).values()]
+    return pd.DataFrame(rows, columns=["path", "value", "unit", "meaning"]).set_index("path")
+
+
+def get(model: eqx.Module, path: str) -> Any:
+    """The value at a dotted path; `KeyError` names the path when there is none."""
+    node: Any = model
+    for name in path.split("."):
+        node = _child(node, name, path)
+    return node
+
+
+def replace(model: Model, values: Mapping[str, Any]) -> Model:
+    """A copy of `model` with the leaves at the given dotted paths replaced."""
+    for path in values:
+        get(model, path)
+    paths = list(values)
+    return eqx.tree_at(
+        lambda m: [get(m, path) for path in paths],
+        model,
+        [jnp.asarray(values[path], dtype=float) for path in paths],
+    )
+
+
+def _child(node: Any, name: str, path: str) -> Any:
+    if isinstance(node, Mapping):
+        if name in node:
+            return node[name]
+    elif hasattr(node, name):
+        return getattr(node, name)
+    raise KeyError(f"no parameter {path!r}: {type(node).__name__} has no {name!r}")
+
+
+def _walk(node: Any, prefix: str, units: Mapping[str, str]) -> Iterator[Parameter]:
+    if isinstance(node, Mapping):
+        for name, child in node.items():
+            yield from _walk(child, f"{prefix}{name}.", units)
+        return
+    for field in dataclasses.fields(node):
+        child = getattr(node, field.name)
+        meta = field.metadata
+        if "unit" in meta:
+            unit = meta["unit"].format(**units) if "{" in meta["unit"] else meta["unit"]
+            how = {key: meta[key] for key in ("positive", "nonnegative", "typical")}
+            yield Parameter(prefix + field.name, child, unit, meta["meaning"], **how)
+        elif isinstance(child, eqx.Module | Mapping):
+            yield from _walk(child, f"{prefix}{field.name}.", units)
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if jnp.ndim(value) == 0 else value

@@ -1,0 +1,167 @@
+"""The card of a recording: how it was made, in SI, from TOML and back."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.effects import BY_NAME
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.errors import InputError, existing_file, file_content, nearest
+from jaxmuscle.recordings import schema
+from jaxmuscle.recordings.quantity import ColumnSpec, Quantity, written_deviation, written_quantity
+from jaxmuscle.recordings.schema import AMBIENT, Need
+from jaxmuscle.recordings.sections import read_sections
+from jaxmuscle.recordings.toml import toml_text
+from jaxmuscle.recordings.units import STANDARD_ATMOSPHERE
+
+Estimate = tuple[float, float | None]
+"""A value and its standard deviation (SI), `None` when it is not uncertain."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Card:
+    """What the experimenter declares about a recording. Values are SI, pressures absolute.
+
+    Attributes:
+        rig: name of the machine, a key of `jaxmuscle.actuators.RIGS`.
+        columns: quantity → where it stands in the table.
+        known, uncertain: quantity → value; those with a standard deviation are the uncertain ones,
+            whichever section they were written in.
+        description: free text.
+        effects: name of an effect that the experimenter declares → parameter → value.
+        noise: measured quantity → standard deviation of its sensor [SI].
+        horizon: length of the windows of prediction [s], `None` for whole runs.
+        file, text: where the card came from, when it did; not part of what makes two cards equal.
+    """
+
+    rig: str
+    columns: dict[str, ColumnSpec]
+    known: dict[str, Quantity]
+    uncertain: dict[str, Quantity]
+    description: str = ""
+    effects: dict[str, dict[str, Quantity]] = dataclasses.field(default_factory=dict)
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    horizon: float | None = None
+    file: Path | None = dataclasses.field(default=None, compare=False)
+    text: str | None = dataclasses.field(default=None, compare=False, repr=False)
+
+    @classmethod
+    def read(cls, path: str | Path) -> Card:
+        """The card in a TOML file. `InputError` names the file and everything that is wrong with it."""
+        file = existing_file(Path(path), "card", (".toml",))
+        try:
+            text = file_content(file).decode("utf-8-sig")
+            mapping = tomllib.loads(text)
+        except UnicodeDecodeError as error:
+            raise InputError(f"{file}: not a text in UTF-8 (byte {error.start}); save it as UTF-8") from error
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{file}: cannot be read as TOML: {error}") from error
+        return dataclasses.replace(cls.parse(mapping, file=file), text=text)
+
+    @classmethod
+    def parse(cls, mapping: Mapping[str, Any], file: Path | None = None) -> Card:
+        """The card in a mapping as `tomllib` gives it. `InputError` tells everything that is wrong."""
+        return cls(**read_sections(mapping, "card" if file is None else str(file)), file=file)
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """The known and the uncertain quantities together."""
+        return {**self.known, **self.uncertain}
+
+    @property
+    def ambient_pressure(self) -> float:
+        """Absolute pressure to which the card's gauge pressures are relative [Pa]."""
+        given = self.quantities.get(AMBIENT)
+        return STANDARD_ATMOSPHERE if given is None else given.value
+
+    def updated(
+        self,
+        values: Mapping[str, Estimate] | None = None,
+        effects: Mapping[str, Mapping[str, Estimate]] | None = None,
+    ) -> Card:
+        """A copy with new values for quantities and for parameters of effects, declared before or not.
+
+        Args:
+            values: quantity of the card → estimate (SI, pressures absolute). With a standard deviation
+                it becomes uncertain, without one it becomes known.
+            effects: effect → parameter → estimate; parameters that are not named stay as they are.
+
+        Raises:
+            ValueError: an estimate that could not be read back: not finite, or a standard deviation that
+                is not positive.
+        """
+        rig = RIGS[self.rig]
+        known, uncertain, declared = dict(self.known), dict(self.uncertain), dict(self.effects)
+        for name, estimate in (values or {}).items():
+            quantity = _estimated(name, self.quantities.get(name), schema.quantities(rig), estimate)
+            here, there = (known, uncertain) if quantity.std is None else (uncertain, known)
+            here[name] = quantity
+            there.pop(name, None)
+        for effect, parameters in (effects or {}).items():
+            needs = schema.effect_parameters(BY_NAME[effect], rig)
+            old = self.effects.get(effect, {})
+            new = {name: _estimated(name, old.get(name), needs, e) for name, e in parameters.items()}
+            declared[effect] = {**old, **new}
+        return dataclasses.replace(
+            self, known=known, uncertain=uncertain, effects=declared, file=None, text=None
+        )
+
+    def to_toml(self) -> str:
+        """The card as TOML, in the units in which it was written; it reads back as an equal card."""
+        rig, ambient = RIGS[self.rig], self.ambient_pressure
+        needs, columns = schema.quantities(rig), schema.columns(rig)
+
+        def written(quantities: Mapping[str, Quantity], needs: Mapping[str, Need]) -> dict[str, Any]:
+            return {name: written_quantity(q, needs[name], ambient) for name, q in quantities.items()}
+
+        sections = {
+            "columns": {name: _written_column(spec) for name, spec in self.columns.items()},
+            "known": written(self.known, needs),
+            "uncertain": written(self.uncertain, needs),
+            "noise": {name: self._written_noise(name, columns[name]) for name in self.noise},
+        }
+        if self.horizon is not None:
+            sections["fit"] = {"horizon": {"value": self.horizon, "unit": "s"}}
+        for name, parameters in self.effects.items():
+            sections[f"effects.{name}"] = written(parameters, schema.effect_parameters(BY_NAME[name], rig))
+        return toml_text({"rig": self.rig, "description": self.description}, sections)
+
+    def _written_noise(self, name: str, need: Need) -> dict[str, Any]:
+        unit = self.columns[name].unit
+        return {"value": written_deviation(self.noise[name], unit, need), "unit": unit}
+
+
+def actuator_from_card(card: Card) -> AbstractActuator:
+    """The machine that a card describes, with the effects that it declares."""
+    rig = RIGS[card.rig]
+    values = {rig.quantities[name]: quantity.value for name, quantity in card.quantities.items()}
+    effects = {name: _effect(name, parameters) for name, parameters in card.effects.items()}
+    return schema.build(rig, values, effects)
+
+
+def _effect(name: str, parameters: Mapping[str, Quantity]) -> AbstractEffect:
+    kind: Any = BY_NAME[name]
+    return kind(**{parameter: quantity.value for parameter, quantity in parameters.items()})
+
+
+def _estimated(name: str, old: Quantity | None, needs: Mapping[str, Need], estimate: Estimate) -> Quantity:
+    """The estimate as an entry of a card, in the unit of the one it replaces."""
+    if name not in needs:
+        raise ValueError(f"no quantity {name!r} to update{nearest(name, needs)}")
+    value, std = float(estimate[0]), None if estimate[1] is None else float(estimate[1])
+    if not math.isfinite(value) or std is not None and not 0 < std < math.inf:
+        raise ValueError(f"{name}: expected a finite value and a positive finite std or None; got {estimate}")
+    need = needs[name]
+    before = old or Quantity(value, None, need.unit, "absolute" if need.referenced else None)
+    return dataclasses.replace(before, value=value, std=std)
+
+
+def _written_column(spec: ColumnSpec) -> dict[str, str]:
+    return {key: text for key, text in dataclasses.asdict(spec).items() if text is not None}

@@ -1,0 +1,104 @@
+"""Run a machine on a recording or on a command of one's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, ArrayLike, Float
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.track import observed
+from jaxmuscle.simulate import Track, run, start_at_rest
+
+
+class Simulation(eqx.Module):
+    """Readings of a machine over time, SI: output → array with a leading axis of samples."""
+
+    time: Float[Array, " samples"]
+    readings: dict[str, Float[Array, "samples *muscles"]]
+
+    def to_frame(self) -> pd.DataFrame:
+        """A table indexed by time [s], one column a sensor; several muscles are numbered from 1."""
+        columns = {}
+        for name, values in self.readings.items():
+            table = np.asarray(values).reshape(len(values), -1)
+            for i in range(table.shape[1]):
+                columns[name if table.shape[1] == 1 else f"{name}_{i + 1}"] = table[:, i]
+        return pd.DataFrame(columns, index=pd.Index(np.asarray(self.time), name="time"))
+
+
+def simulate(
+    actuator: AbstractActuator,
+    given: Recording | ArrayLike,
+    times: ArrayLike | None = None,
+    *,
+    start: Mapping[str, ArrayLike] | None = None,
+) -> Simulation:
+    """Simulate `actuator` from rest.
+
+    Args:
+        given: a recording, whose command is replayed from its first measured state (states that the bench
+            imposes follow the recording); or a command, one row a sample, held until the next one.
+        times: sampling instants of a command [s], uniform.
+        start: measured states at the first sample, for a command: SI, absolute pressures; without it the
+            muscle is at ambient pressure and everything at zero.
+
+    Returns:
+        the readings at every sample; differentiable in forward mode with respect to the parameters.
+
+    Raises:
+        ValueError: a command without times, times of another length or not uniform, an unknown start.
+        TypeError: a command for a rig whose states are imposed by a bench.
+    """
+    if isinstance(given, Recording):
+        track, clock = observed(actuator, given, given.card.noise).track, jnp.asarray(given.time)
+    else:
+        track, clock = _commanded(actuator, given, times, start or {})
+    step = float(clock[1] - clock[0])
+    readings = _run(actuator, track, len(clock), max(1, math.ceil(step / actuator.largest_step - 1e-9)))
+    return Simulation(clock, readings)
+
+
+@eqx.filter_jit
+def _run(actuator: AbstractActuator, track: Track, samples: int, substeps: int) -> dict[str, Array]:
+    begin = start_at_rest(actuator, track)
+    row = jnp.asarray(0)
+    return run(
+        actuator, track, begin, row, samples=samples, imposed=actuator.imposed, substeps=substeps
+    ).readings
+
+
+def _commanded(
+    actuator: AbstractActuator, given: ArrayLike, times: ArrayLike | None, start: Mapping[str, ArrayLike]
+) -> tuple[Track, Array]:
+    if actuator.imposed:
+        raise TypeError(f"rig {actuator.rig!r} has no command: its states are imposed; give a recording")
+    if times is None:
+        raise ValueError("a command needs the instants of its samples: simulate(actuator, command, times)")
+    clock, command = np.asarray(times, dtype=float), jnp.asarray(given, dtype=float)
+    muscles = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
+    if command.shape != (*clock.shape, *muscles):
+        raise ValueError(f"expected a command of shape {(*clock.shape, *muscles)}; got {command.shape}")
+    steps = np.diff(clock)
+    if len(clock) < 2 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
+        raise ValueError("expected at least two uniform, increasing instants")
+    ambient = getattr(actuator, "ambient_pressure", 0.0)
+    states = {name: jnp.zeros(_shape(actuator, name)) for name in (*actuator.measured, *actuator.derivatives)}
+    states = {name: value + ambient if "pressure" in name else value for name, value in states.items()}
+    if unknown := set(start) - set(states):
+        raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
+    states |= {name: jnp.asarray(value, dtype=float) for name, value in start.items()}
+    measured = {name: jnp.broadcast_to(value, (len(clock), *value.shape)) for name, value in states.items()}
+    return Track(jnp.asarray(steps.mean()), command, measured), jnp.asarray(clock)
+
+
+def _shape(actuator: AbstractActuator, state: str) -> tuple[int, ...]:
+    """Shape of a measured state or of a rate: a scalar, or one entry for each of its columns."""
+    columns = actuator.measured[actuator.derivatives.get(state, state)]
+    return (len(columns),) if len(columns) > 1 else ()

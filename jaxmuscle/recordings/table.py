@@ -1,0 +1,125 @@
+"""Tables as files hold them: named columns of numbers, before anything is known about them."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from jaxmuscle.errors import InputError, nearest
+
+SUFFIXES = (".csv", ".mat")
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Columns of a file; `first_row` is the number that the file's user gives to its first sample."""
+
+    file: Path
+    columns: Mapping[str, Any]
+    first_row: int
+
+    def row(self, index: int | np.integer) -> int:
+        """The row in the file of the sample at `index`."""
+        return int(index) + self.first_row
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """A column as numbers; `InputError` when it is absent or names the first entry that is no number."""
+        if column not in self.columns:
+            raise InputError(f"is not in the table{nearest(column, self.columns)}{self._listed(column)}")
+        entries = np.asarray(self.columns[column])
+        if entries.ndim != 1 or entries.dtype.kind == "c":
+            got = f"got {entries.dtype} of shape {entries.shape}"
+            raise InputError(f"expected a vector of real numbers; {got}")
+        series = pd.Series(entries)
+        values = np.asarray(pd.to_numeric(series, errors="coerce"), dtype=float)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(self._not_a_number(series.iloc[bad[0]], bad))
+        return values
+
+    def _listed(self, column: str) -> str:
+        """All columns, unless the message has them already."""
+        near = nearest(column, self.columns, all_if_none_near=False)
+        return f" Its columns are {', '.join(self.columns)}" if near else ""
+
+    def _not_a_number(self, entry: Any, bad: NDArray[np.intp]) -> str:
+        got = repr(entry) if isinstance(entry, str) else "an empty field or NaN" if pd.isna(entry) else entry
+        count = "" if bad.size == 1 else f" ({bad.size} such rows)"
+        remedy = "mend or cut out such rows"
+        if isinstance(entry, str) and bad[0] == 0 and bad.size == 1:
+            remedy = "if this is a line of units, remove it: units stand in the card"
+        return f"row {self.row(bad[0])}: expected a number; got {got}{count}; {remedy}"
+
+
+def read_table(path: Path, content: bytes) -> Table:
+    """The table in the bytes of a file, of the kind that its ending says.
+
+    ``.csv``: comma-separated, decimal points, names in row 1. ``.mat`` (versions 4 to 7.2): each column a
+    variable that is a vector, or all columns fields of one struct; what else the file holds is left alone.
+
+    Raises:
+        InputError: not such a file.
+    """
+    return _read_csv(path, content) if path.suffix.lower() == ".csv" else _read_mat(path, content)
+
+
+def _read_csv(path: Path, content: bytes) -> Table:
+    try:
+        header = content.decode("utf-8-sig").partition("\n")[0]
+        names = [name.strip() for name in next(csv.reader([header]), [])]
+        # Blank lines stay rows, so that the numbers of rows are those of the file.
+        frame = pd.read_csv(
+            io.BytesIO(content),
+            header=0,
+            encoding="utf-8-sig",
+            skipinitialspace=True,
+            skip_blank_lines=False,
+            low_memory=False,
+        )
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); save it as UTF-8") from error
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, csv.Error) as error:
+        reason = str(error).strip().removeprefix("Error tokenizing data. C error: ")
+        raise InputError(f"{path}: cannot be read as a comma-separated table: {reason}") from error
+    _check_header(path, header, names, frame)
+    frame.columns = names
+    filled = np.flatnonzero(frame.notna().any(axis=1).to_numpy())
+    frame = frame.iloc[: filled[-1] + 1] if filled.size else frame.iloc[:0]
+    return Table(path, {name: frame[name] for name in names}, first_row=2)
+
+
+def _check_header(path: Path, header: str, names: list[str], frame: pd.DataFrame) -> None:
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(names) == 1 and separator in header:
+            raise InputError(
+                f"{path}: columns are separated by {name}; expected commas, with points in the numbers"
+            )
+    if not isinstance(frame.index, pd.RangeIndex) or len(frame.columns) != len(names):
+        raise InputError(f"{path}: rows hold more fields than row 1 holds names ({len(names)}); mend row 1")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}, row 1: several columns named {', '.join(map(repr, twice))}; rename them")
+
+
+def _read_mat(path: Path, content: bytes) -> Table:
+    try:
+        variables = loadmat(io.BytesIO(content), simplify_cells=True)
+    except NotImplementedError as error:
+        raise InputError(f"{path}: saved as version 7.3; save it with the option '-v7'") from error
+    except (MatReadError, ValueError, TypeError, KeyError, OSError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be read as a MATLAB file: {error}") from error
+    columns = {name: value for name, value in variables.items() if not name.startswith("__")}
+    if len(columns) == 1 and isinstance(struct := next(iter(columns.values())), dict):
+        columns = struct
+    return Table(path, columns, first_row=1)

@@ -1,0 +1,104 @@
+"""A recording as a machine sees it: commands, smoothed states and their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.recordings.smooth import noise_level, smooth
+from jaxmuscle.simulate import Track
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+
+class Sampled(Protocol):
+    """What is needed of a recording."""
+
+    @property
+    def step(self) -> float: ...  # noqa: D102
+    @property
+    def columns(self) -> Columns: ...  # noqa: D102
+    @property
+    def breaks(self) -> tuple[int, ...]: ...  # noqa: D102
+
+
+class Observed(eqx.Module):
+    """A recording prepared for a machine.
+
+    Attributes:
+        track: commands and smoothed measured states.
+        spread: standard deviation of each smoothed state, sample by sample.
+        outputs: reading → raw measured values.
+        noise: reading → standard deviation of its sensor.
+    """
+
+    track: Track
+    spread: dict[str, Float[Array, "samples *muscles"]]
+    outputs: dict[str, Float[Array, "samples *muscles"]]
+    noise: dict[str, Float[Array, "*muscles"]]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return self.track.command.shape[0]
+
+
+def observed(
+    actuator: AbstractActuator, recording: Sampled, noise: Mapping[str, float], cuts: tuple[int, ...] = ()
+) -> Observed:
+    """Prepare `recording` for `actuator`.
+
+    Args:
+        noise: column → standard deviation of its sensor (SI); a column without one gets the level that
+            :func:`noise_level` finds in the data.
+        cuts: further rows, besides the recording's breaks, across which nothing is smoothed.
+    """
+    columns, step = recording.columns, recording.step
+    samples = len(next(iter(columns.values())))
+    edges = sorted({0, *recording.breaks, *cuts, samples})
+
+    def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
+        values = columns[column]
+        level = noise_level(values)
+        parts = [
+            smooth(values[a:b], step, level, derivative) for a, b in zip(edges[:-1], edges[1:], strict=True)
+        ]
+        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+    measured, spread = {}, {}
+    for state, names in actuator.measured.items():
+        measured[state], spread[state] = _pair(names, lambda name: smoothed(name, 0))
+    for state, base in actuator.derivatives.items():
+        measured[state], spread[state] = _pair(actuator.measured[base], lambda name: smoothed(name, 1))
+    command = (
+        _stack(actuator.commands, lambda name: columns[name]) if actuator.commands else np.zeros(samples)
+    )
+    outputs = {out: _stack(names, lambda n: columns[n]) for out, names in actuator.outputs.items()}
+    levels = {
+        out: _stack(names, lambda n: np.asarray(noise.get(n) or noise_level(columns[n])))
+        for out, names in actuator.outputs.items()
+    }
+    as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
+    begins = jnp.zeros(samples, bool).at[np.array(recording.breaks)].set(True) if recording.breaks else None
+    track = Track(jnp.asarray(step), jnp.asarray(command), as_arrays(measured), begins)
+    return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
+
+
+def _stack(names: tuple[str, ...], of: Callable[[str], NDArray]) -> NDArray:
+    """One column as it is, several side by side."""
+    parts = [of(name) for name in names]
+    return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+
+
+def _pair(names: tuple[str, ...], of: Callable[[str], tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArray]:
+    pairs = [of(name) for name in names]
+    if len(pairs) == 1:
+        return pairs[0]
+    return np.stack([p[0] for p in pairs], axis=-1), np.stack([p[1] for p in pairs], axis=-1)

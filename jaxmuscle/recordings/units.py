@@ -1,0 +1,147 @@
+"""Units as written in a card, and SI: the only place that knows pint."""
+
+from __future__ import annotations
+
+import tokenize
+from typing import Any, TypeVar
+
+import numpy as np
+import pint
+from numpy.typing import NDArray
+
+from jaxmuscle.errors import InputError, nearest
+
+REGISTRY = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, on_redefinition="ignore")
+# pint reads "Nm" as the textile unit "number meter".
+REGISTRY.define("newton_meter = newton * meter = Nm")
+
+STANDARD_ATMOSPHERE = 101325.0
+"""Ambient pressure when a card gives none [Pa]."""
+
+COLUMN_UNITS = {
+    "time": "s",
+    "pressure": "Pa",
+    "position": "m",
+    "angle": "rad",
+    "force": "N",
+    "current": "A",
+}
+"""SI unit of a measured quantity; a number that tells muscles apart ("pressure_1") is left out."""
+
+KINDS = {
+    "Pa": ("a pressure", "bar"),
+    "m": ("a length", "mm"),
+    "s": ("a time", "ms"),
+    "rad": ("an angle", "deg"),
+    "N": ("a force", "N"),
+    "kg": ("a mass", "kg"),
+    "K": ("a temperature", "degC"),
+    "Hz": ("a frequency", "Hz"),
+    "V": ("a voltage", "V"),
+    "A": ("a current", "mA"),
+    "m^2": ("an area", "mm^2"),
+    "m^3": ("a volume", "ml"),
+    "m/s": ("a velocity", "mm/s"),
+    "rad/s": ("an angular velocity", "deg/s"),
+    "N m": ("a torque", "N m"),
+    "kg m^2": ("a moment of inertia", "kg m^2"),
+    "N s/m": ("a damping", "N s/m"),
+    "N m s/rad": ("a damping", "N m s/rad"),
+    "": ("a plain number", ""),
+}
+"""SI unit → what it measures, and an example of a unit for it."""
+
+COMMON = tuple(
+    "Pa hPa kPa MPa mbar bar psi atm m cm mm um inch s ms us min rad deg N kN lbf V mV A mA kg g "
+    "K degC degF Hz kHz m^2 cm^2 mm^2 m/s mm/s".split()
+) + ("N m", "kg m^2")
+"""Units that are suggested in place of one that does not exist."""
+
+UNREADABLE = (
+    pint.PintError,
+    tokenize.TokenError,
+    SyntaxError,
+    ValueError,
+    TypeError,
+    ArithmeticError,
+    AssertionError,
+)
+"""What pint raises on a text that is no unit."""
+
+Series = NDArray[np.float64]
+Value = TypeVar("Value", float, Series)
+
+
+def column_unit(quantity: str, command_unit: str | None) -> str:
+    """SI unit of a column of a recording; `command_unit` is that of the rig's command."""
+    stem = quantity.rstrip("0123456789").removesuffix("_")
+    return command_unit if stem == "command" and command_unit else COLUMN_UNITS[stem]
+
+
+def to_si(value: Value, unit: str, si: str) -> Value:
+    """A value or an array of values in `unit` as SI; offset units (degC) are points on their scale.
+
+    Raises:
+        InputError: `unit` does not exist, or measures something else than `si` does.
+    """
+    check_unit(unit, si)
+    return _plain(REGISTRY.Quantity(value, unit).to(si).magnitude)
+
+
+def from_si(value: float, unit: str, si: str) -> float:
+    """The inverse of :func:`to_si`."""
+    return float(REGISTRY.Quantity(value, si).to(unit).magnitude)
+
+
+def scale(unit: str, si: str) -> float:
+    """SI units per `unit`, for differences and standard deviations: 1 degC is 1 K there."""
+    difference = REGISTRY.Quantity(1.0, unit) - REGISTRY.Quantity(0.0, unit)
+    return float(difference.to(si).magnitude)
+
+
+def check_unit(unit: str, si: str) -> None:
+    """Raise `InputError` unless `unit` measures what `si` does."""
+    measured = _roots(unit)
+    if measured is not None and measured == _roots(si):
+        return
+    if measured is None:
+        hint = _gauge_hint(unit) or nearest(unit, COMMON, all_if_none_near=False)
+        raise InputError(f"expected {describe_unit(si)}; there is no unit {unit!r}{hint}")
+    kinds = [f", which is {name}" for root, (name, _) in KINDS.items() if _roots(root) == measured]
+    what = _gauge_hint(unit) or "".join(kinds[:1])
+    raise InputError(f"expected {describe_unit(si)}; got unit = {unit!r}{what}")
+
+
+def describe_unit(si: str) -> str:
+    """What an SI unit measures, with an example of how to write it."""
+    return f'{KINDS.get(si, ("a quantity", si))[0]}, such as unit = "{example_unit(si)}"'
+
+
+def example_unit(si: str) -> str:
+    """A unit in which quantities of the SI unit are commonly written."""
+    return KINDS.get(si, ("", si))[1]
+
+
+def _roots(unit: str) -> Any:
+    """The unit in root units without its factor, `None` if it does not exist.
+
+    Unlike pint's dimensions, root units tell rad/s from Hz and an angle from a plain number.
+    """
+    try:
+        return REGISTRY.get_root_units(REGISTRY.parse_units(unit), check_nonmult=False)[1]
+    except UNREADABLE:
+        return None
+
+
+def _gauge_hint(unit: str) -> str:
+    """What to write in place of barg, bar(a), psig …; empty for anything else."""
+    bare = unit.strip().rstrip(")").replace("(", "").replace("_", "").replace(" ", "").lower()
+    for written in ("bar", "mbar", "psi", "kPa", "MPa"):
+        for reference in ("gauge", "absolute"):
+            if bare == written.lower() + reference[0]:
+                return f'; write unit = "{written}", reference = "{reference}"'
+    return ""
+
+
+def _plain(magnitude: Any) -> Any:
+    return np.asarray(magnitude, dtype=float) if isinstance(magnitude, np.ndarray) else float(magnitude)

@@ -1,0 +1,111 @@
+"""What reveals the missing effect, how the candidates did, and which parameters go together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxmuscle.diagnosis.result import Diagnosis, Reveal, Round, Series
+from jaxmuscle.report.numbers import percent, printed_unit
+from jaxmuscle.report.style import AFTER, BEFORE, INK, MUTED, figure
+from jaxmuscle.report.words import words
+
+POINTS, BINS, SHOWN = 1500, 24, 8
+"""Points of a scatter; bins of its median; candidates of a ranking that are drawn."""
+
+
+def reveal_figure(reveal: Reveal, both: bool) -> Figure:
+    """The missing rate against the variable that reveals it; the final model beside it if `both`."""
+    size_x, unit_x = printed_unit(reveal.variable_unit, float(np.nanpercentile(np.abs(reveal.x), 95)))
+    size_y, unit_y = printed_unit(reveal.unit, float(np.nanstd(reveal.before)))
+    drawing = figure(3.4)
+    panels = np.atleast_1d(drawing.subplots(1, 2 if both else 1, sharey=True, sharex=True))
+    series = [("before", BEFORE, reveal.before), ("after", AFTER, reveal.after)][: len(panels)]
+    for axes, (title, colour, values) in zip(panels, series, strict=True):
+        axes.axhline(0, color="#c3c8d0", linewidth=1)
+        _cloud(axes, reveal.x / size_x, values / size_y, colour)
+        axes.set_xlabel(f"{words(reveal.variable)} [{unit_x}]" if unit_x else words(reveal.variable))
+        axes.set_title(title if both else "", fontweight="bold", color=AFTER if title == "after" else MUTED)
+    # A few samples far out would leave no room for all others.
+    panels[0].set_xlim(*_inner(reveal.x / size_x, 0.3))
+    panels[0].set_ylim(*_inner(reveal.before / size_y, 0.5))
+    panels[0].set_ylabel(f"missing in {words(reveal.signal)} [{unit_y}]")
+    return drawing
+
+
+def _inner(values: Series, percent: float) -> tuple[float | None, float | None]:
+    """Limits of an axis without the outermost `percent` on either side; none where there is no extent."""
+    low, high = (float(limit) for limit in np.nanpercentile(values, (percent, 100 - percent)))
+    margin = 0.1 * (high - low)
+    return (low - margin, high + margin) if margin > 0 else (None, None)
+
+
+def _cloud(axes: Axes, x: Series, y: Series, colour: str) -> None:
+    finite = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    x, y = x[finite], y[finite]
+    some = np.random.default_rng(0).permutation(len(x))[:POINTS]
+    axes.plot(x[some], y[some], ".", markersize=3, color=colour, alpha=0.35, markeredgewidth=0)
+    # Bins of equal counts: as much data behind each dot of the median.
+    bins = [rows for rows in np.array_split(np.argsort(x), BINS) if len(rows)]
+    middle = [np.median(x[rows]) for rows in bins]
+    median = [np.median(y[rows]) for rows in bins]
+    axes.plot(middle, median, "o-", color=INK, linewidth=1.4, markersize=3.6)
+
+
+def ranking_figure(search: Round) -> Figure:
+    """The candidates of one search as bars: the part of the error on unseen windows that each removes."""
+    best = search.ranking[:SHOWN]
+    drawing = figure(0.62 + 0.34 * len(best))
+    axes = drawing.add_subplot()
+    places = np.arange(len(best))[::-1]
+    for place, candidate in zip(places, best, strict=True):
+        gain, added = max(candidate.gain, 0.0), candidate.name == search.added
+        tied = search.added is not None and not added and not candidate.told_apart
+        colour = AFTER if added else "#eeb79f" if tied else "#c9ced6"
+        axes.barh(place, gain, height=0.62, color=colour)
+        note = f"{percent(candidate.gain)}" if candidate.gain > 0 else "none: worse than without"
+        note += ", added" if added else ", not told apart from the best" if tied else ""
+        axes.text(gain + 0.008, place, note, va="center", fontsize=9.5, color=INK if added or tied else MUTED)
+    axes.set_yticks(places, [words(candidate.name) for candidate in best])
+    axes.tick_params(axis="y", length=0, labelcolor=INK, labelsize=10)
+    axes.set_xlim(0, 1.28)
+    axes.set_xticks(np.arange(0, 1.01, 0.25), [f"{100 * tick:.0f} %" for tick in np.arange(0, 1.01, 0.25)])
+    axes.grid(axis="y", visible=False)
+    axes.spines["left"].set_visible(False)
+    axes.spines["bottom"].set_bounds(0, 1)
+    return drawing
+
+
+def correlation_figure(correlations: pd.DataFrame) -> Figure:
+    """The correlations between all fitted parameters as a coloured matrix."""
+    names = [
+        words(name.removeprefix("effects.").replace(".", ": ")) for name in map(str, correlations.columns)
+    ]
+    count = len(names)
+    drawing = figure(1.6 + 0.36 * count, min(3.4 + 0.62 * count, 9.2))
+    axes = drawing.add_subplot()
+    matrix = correlations.to_numpy(dtype=float)
+    axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1, aspect="auto")
+    for (row, column), value in np.ndenumerate(matrix):
+        if row != column and np.isfinite(value):
+            shade = "white" if abs(value) > 0.75 else INK
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8.5, color=shade)
+    axes.set_xticks(range(count), names, rotation=35, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(count), names)
+    axes.grid(visible=False)
+    axes.tick_params(length=0, labelcolor=INK)
+    axes.spines[:].set_visible(False)
+    return drawing
+
+
+def strongest_correlation(diagnosis: Diagnosis) -> tuple[str, str, float] | None:
+    """The two parameters that are correlated most, and by how much; `None` with fewer than two."""
+    matrix = diagnosis.correlations.to_numpy(dtype=float).copy()
+    if len(matrix) < 2:
+        return None
+    above = np.where(np.triu(np.ones_like(matrix), 1) > 0, np.abs(np.nan_to_num(matrix)), -1.0)
+    row, column = np.unravel_index(np.argmax(above), above.shape)
+    names = list(map(str, diagnosis.correlations.columns))
+    return names[row], names[column], float(matrix[row, column])

@@ -1,0 +1,119 @@
+"""The report of a diagnosis: one self-contained page."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.report import numbers, tables, words
+from jaxmuscle.report.evidence_figures import (
+    correlation_figure,
+    ranking_figure,
+    reveal_figure,
+    strongest_correlation,
+)
+from jaxmuscle.report.provenance import versions
+from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
+from jaxmuscle.report.style import styled, svg_uri
+from jaxmuscle.report.trace_figures import trace_caption, trace_figure
+
+STRONG = 0.9
+"""Correlation beyond which two parameters are called hard to tell apart."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A figure of the page: the picture itself as an address, and one line that says what to see."""
+
+    source: str
+    caption: str
+
+
+def page(diagnosis: Diagnosis) -> str:
+    """The report as one HTML page that needs nothing else: no script, no address outside itself."""
+    environment = Environment(
+        loader=PackageLoader("jaxmuscle.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(words=words.words, capital=words.capital, percent=numbers.percent)
+    return environment.get_template("page.html.j2").render(**_content(diagnosis))
+
+
+def _content(diagnosis: Diagnosis) -> dict[str, Any]:
+    pair = strongest_correlation(diagnosis)
+    with styled():
+        pictures = {
+            "traces": _traces(diagnosis),
+            "reveal": _reveal(diagnosis),
+            "searches": [_search(diagnosis, index) for index in range(len(diagnosis.rounds))],
+            "correlations": _correlations(diagnosis) if pair and abs(pair[2]) > STRONG else None,
+        }
+    return {
+        "d": diagnosis,
+        "recording": diagnosis.recording,
+        "sentence": sentence(diagnosis),
+        "errors": tables.errors(diagnosis),
+        "effects": tables.effects(diagnosis),
+        "parameters": tables.fitted(diagnosis),
+        "unexplained": tables.unexplained(diagnosis),
+        "rivals": words.listed(rivals) if (rivals := indistinguishable(diagnosis)) else "",
+        "correlation": tables.correlation(pair, STRONG),
+        "versions": versions(),
+        "settings": {name: _setting(value) for name, value in diagnosis.settings.items()},
+        "held_out_last": bool(np.all(np.diff(diagnosis.traces.held_out.astype(int)) >= 0)),
+        "today": datetime.date.today().isoformat(),
+        **pictures,
+    }
+
+
+def _setting(value: object) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _traces(diagnosis: Diagnosis) -> list[Picture]:
+    first = telling_column(diagnosis)
+    columns = sorted(diagnosis.traces.measured, key=lambda column: column != first)
+    return [Picture(svg_uri(trace_figure(diagnosis, c)), trace_caption(diagnosis, c)) for c in columns]
+
+
+def _reveal(diagnosis: Diagnosis) -> Picture | None:
+    reveal = diagnosis.reveal
+    if reveal is None:
+        return None
+    both = bool(diagnosis.effects)
+    signal, variable = words.words(reveal.signal), words.words(reveal.variable)
+    seen = f"What the declared model lacks in {signal}, against {variable}"
+    caption = (
+        f"{seen}; a model that lacks nothing lies on zero. Line: median of bins with equally many samples."
+    )
+    return Picture(svg_uri(reveal_figure(reveal, both)), caption)
+
+
+def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:
+    """One search: its ranking in numbers, and drawn where there is something to see."""
+    search, title = diagnosis.rounds[index], f"Search {index + 1}"
+    rows = tables.ranking(search)
+    if search.added is None:
+        best = f"; the best was {rows[0]['name']} ({rows[0]['gain']}, {rows[0]['p']})" if rows else ""
+        outcome = f"none of {len(rows)} candidates helped enough to be added{best}"
+    else:
+        outcome = f"{words.words(search.added)} was added"
+    if search.added is None and index > 0:
+        return {"title": title, "rows": rows, "picture": None, "outcome": f"{title}: {outcome}."}
+    seen = "part of the squared error on windows left out of each fit that a candidate removes"
+    picture = Picture(svg_uri(ranking_figure(search)), f"{title}: {seen}; {outcome}.")
+    return {"title": title, "rows": rows, "picture": picture, "outcome": ""}
+
+
+def _correlations(diagnosis: Diagnosis) -> Picture:
+    return Picture(
+        svg_uri(correlation_figure(diagnosis.correlations)), "Correlations between the fitted parameters."
+    )

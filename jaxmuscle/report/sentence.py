@@ -1,0 +1,99 @@
+"""The outcome of a diagnosis in one plain sentence."""
+
+from __future__ import annotations
+
+from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
+from jaxmuscle.report import numbers
+from jaxmuscle.report.shown import shown_column
+from jaxmuscle.report.words import capital, listed, words
+
+NO_BETTER = 0.98
+"""An error that falls by less than this factor has not fallen."""
+FAR = 3.0
+"""Times the sensor noise above which the headline says that an error is still large."""
+
+
+def sentence(diagnosis: Diagnosis) -> str:
+    """What a lab mate should know first; errors are those on unseen data, in the units of the card."""
+    if diagnosis.verdict == "complete":
+        return _complete(diagnosis)
+    if diagnosis.verdict == "unexplained":
+        return _unexplained(diagnosis)
+    return _found(diagnosis)
+
+
+def telling_column(diagnosis: Diagnosis) -> str:
+    """The predicted column in which most was gained, or is left to gain, in units of its noise."""
+    before, after = diagnosis.before["held_out"], diagnosis.after["held_out"]
+    if diagnosis.effects and diagnosis.verdict != "unexplained":
+        return max(after, key=lambda column: before[column].in_noise - after[column].in_noise)
+    return max(after, key=lambda column: after[column].in_noise)
+
+
+def indistinguishable(diagnosis: Diagnosis) -> list[str]:
+    """Runners-up that predict unseen windows no worse than the effect that was added first, in words."""
+    if not diagnosis.effects:
+        return []
+    return [words(a.name) for a in diagnosis.alternatives if not a.told_apart]
+
+
+def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:
+    """An added effect with the value of its strength: ``load friction, 16.2 ± 0.4 N``."""
+    model = diagnosis.model.effects[effect.name]
+    estimate = effect.parameters.get(model.strength)
+    if estimate is None:
+        return words(effect.name)
+    value = numbers.estimate(estimate.value, estimate.std, estimate.unit)
+    plain = len(effect.parameters) == 1 and estimate.unit
+    return (
+        f"{words(effect.name)}, {value}"
+        if plain
+        else f"{words(effect.name)} ({words(model.strength)} {value})"
+    )
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    column = telling_column(diagnosis)
+    shown = shown_column(diagnosis, column)
+    before, after = (part["held_out"][column] for part in (diagnosis.before, diagnosis.after))
+    rivals = indistinguishable(diagnosis)
+    doubt = f", from which {listed(rivals)} cannot be told apart here" if rivals else ""
+    verb = "fell" if after.rmse < NO_BETTER * before.rmse else "did not fall: it went"
+    change = f"{verb} from {shown.error(before.rmse)} to {shown.error(after.rmse)}"
+    if after.in_noise > FAR:
+        change += f", still {numbers.rounded(after.in_noise)} times the sensor noise,"
+    return f"{capital(words(column))} error on unseen data {change} after adding {_added(diagnosis)}{doubt}."
+
+
+def _complete(diagnosis: Diagnosis) -> str:
+    errors = diagnosis.after["held_out"]
+    parts = [f"{words(c)} {shown_column(diagnosis, c).error(error.rmse)}" for c, error in errors.items()]
+    worst = numbers.rounded(max(error.in_noise for error in errors.values()))
+    ability = f"predicts unseen data to {worst} times the sensor noise ({', '.join(parts)})"
+    return f"Nothing is missing: the declared model {ability}."
+
+
+def _unexplained(diagnosis: Diagnosis) -> str:
+    column = telling_column(diagnosis)
+    off = _off(diagnosis, column, diagnosis.after["held_out"][column])
+    where = ""
+    if diagnosis.unexplained:
+        most = max(diagnosis.unexplained, key=lambda left: left.rms_in_noise)
+        variables = listed([words(name) for name in most.depends_on]) if most.depends_on else ""
+        where = f"; it acts on the {words(most.signal)}" + (
+            f" and depends on {variables}" if variables else ""
+        )
+    first = f"Even with {_added(diagnosis)}, something" if diagnosis.effects else "Something"
+    return (
+        f"{first} is missing that no effect of the catalogue explains: "
+        f"on unseen data {words(column)} is off by {off}{where}."
+    )
+
+
+def _added(diagnosis: Diagnosis) -> str:
+    return listed([effect_phrase(diagnosis, effect) for effect in diagnosis.effects])
+
+
+def _off(diagnosis: Diagnosis, column: str, error: Error) -> str:
+    size = shown_column(diagnosis, column).error(error.rmse)
+    return f"{size} ({numbers.rounded(error.in_noise)} times the sensor noise)"

@@ -1,0 +1,138 @@
+"""Rows of the report's tables, as texts ready to print."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from jaxmuscle.diagnosis.result import Diagnosis, Estimate, Round
+from jaxmuscle.recordings.card import Card
+from jaxmuscle.report import numbers
+from jaxmuscle.report.shown import card_entry, prior, shown_column, shown_estimate, shown_prior, split_name
+from jaxmuscle.report.words import listed, meaning, words
+
+REACH = 4.0
+"""Card deviations at which the small drawing of a parameter ends."""
+SURPRISING, UNINFORMED = 3.0, 0.9
+"""Card deviations from which a value is called far off; part of the card's deviation that is no gain."""
+
+
+def errors(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    """One row a predicted column: errors before and after, in the card's unit and in sensor noise."""
+    rows = []
+    for column in diagnosis.after["held_out"]:
+        shown = shown_column(diagnosis, column)
+        row = {"column": words(column), "noise": shown.error(diagnosis.noise[column])}
+        for when, parts in (("before", diagnosis.before), ("after", diagnosis.after)):
+            for part in ("training", "held_out"):
+                error = parts[part][column]
+                row[f"{part}_{when}"] = shown.error(error.rmse)
+                row[f"{part}_{when}_noise"] = numbers.rounded(error.in_noise)
+        rows.append(row)
+    return rows
+
+
+def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """What was added, with parameters and evidence in words."""
+    return [
+        {
+            "name": words(effect.name),
+            "signal": words(effect.signal),
+            "meaning": meaning(effect.meaning),
+            "source": effect.source,
+            "evidence": f"{numbers.percent(effect.gain)} ({numbers.probability(effect.p_value)})",
+            "parameters": [
+                (words(name), numbers.estimate(e.value, e.std, e.unit), e.meaning)
+                for name, e in effect.parameters.items()
+            ],
+        }
+        for effect in diagnosis.effects
+    ]
+
+
+def ranking(search: Round) -> list[dict[str, str]]:
+    """The candidates of one search, best first."""
+
+    def outcome(name: str, told_apart: bool) -> str:
+        if search.added is None:
+            return ""
+        return "added" if name == search.added else "worse" if told_apart else "not told apart"
+
+    return [
+        {
+            "name": words(candidate.name),
+            "signal": words(candidate.signal),
+            "gain": numbers.percent(candidate.gain),
+            "p": numbers.probability(candidate.p_value),
+            "loss": numbers.rounded(candidate.loss, 3),
+            "outcome": outcome(candidate.name, candidate.told_apart),
+        }
+        for candidate in search.ranking
+    ]
+
+
+def fitted(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """The fitted parameters beside what the card gave for them."""
+    card = diagnosis.recording.card
+    return [_fitted(card, name, estimate) for name, estimate in diagnosis.parameters.items()]
+
+
+def _fitted(card: Card, name: str, estimate: Estimate) -> dict[str, Any]:
+    effect, parameter = split_name(name)
+    bar = _bar(card, name, estimate)
+    return {
+        "name": words(parameter) if effect is None else f"{words(effect)}: {words(parameter)}",
+        "meaning": estimate.meaning,
+        "card": shown_prior(card, name, estimate.unit),
+        "value": shown_estimate(card, name, estimate),
+        "bar": bar,
+        "note": "" if bar is None else bar["note"],
+    }
+
+
+def _bar(card: Card, name: str, estimate: Estimate) -> dict[str, Any] | None:
+    """Fitted value ± 2 std in deviations from the card's value; `None` where the card gives none."""
+    entry = card_entry(card, name)
+    if entry is None or entry.std is None or not math.isfinite(estimate.std):
+        return None
+    before = prior(entry, estimate.unit)
+    distance = (estimate.value - before.value) / before.std
+    reach = 2 * estimate.std / before.std
+    ends = [max(-REACH, min(REACH, x)) for x in (distance - reach, distance, distance + reach)]
+    note = ""
+    if abs(distance) > SURPRISING:
+        note = f"{abs(distance):.1f} σ from the card"
+    elif estimate.std > UNINFORMED * before.std:
+        note = "the recording says nothing about it"
+    return {
+        "low": ends[0],
+        "middle": ends[1],
+        "high": ends[2],
+        "note": note,
+        "outside": abs(distance) > REACH,
+    }
+
+
+def unexplained(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    """What is left, signal by signal."""
+    return [
+        {
+            "signal": words(left.signal),
+            "size": numbers.rounded(left.rms_in_noise),
+            "share": numbers.percent(left.share),
+            "depends_on": listed([words(name) for name in left.depends_on]) if left.depends_on else "",
+        }
+        for left in diagnosis.unexplained
+    ]
+
+
+def correlation(pair: tuple[str, str, float] | None, strong: float) -> str:
+    """What the strongest correlation between two parameters means, in words."""
+    if pair is None:
+        return ""
+    first, second = (words(name.removeprefix("effects.").replace(".", ": ")) for name in pair[:2])
+    if abs(pair[2]) > strong:
+        size = f"{first} and {second} are correlated by {pair[2]:.2f}"
+        return f"{size}: the recording tells a combination of them better than either alone."
+    most = f"{first} and {second}, {pair[2]:.2f}"
+    return f"No two parameters are correlated by more than {strong} (most: {most})."

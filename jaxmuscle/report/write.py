@@ -1,0 +1,105 @@
+"""The files that a diagnosis leaves behind: all of them, or none."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from jaxmuscle.diagnosis.result import Diagnosis, Estimate
+from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import parameters
+from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.card import Estimate as CardEstimate
+from jaxmuscle.report.page import page
+from jaxmuscle.report.result_json import result
+from jaxmuscle.report.shown import EFFECTS, split_name
+
+
+def write(diagnosis: Diagnosis, folder: str | Path, report: bool = True) -> list[Path]:
+    """Write ``result.json``, ``card.toml`` and, unless `report` is false, ``report.html`` into `folder`.
+
+    Everything is rendered before the first file is touched; each file is then renamed into place.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: `folder` is a file, or cannot be written.
+    """
+    texts = {
+        "result.json": json.dumps(result(diagnosis), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "card.toml": fitted_card(diagnosis).to_toml(),
+    }
+    if report:
+        texts["report.html"] = page(diagnosis)
+    return _placed(texts, writable_folder(folder))
+
+
+def writable_folder(folder: str | Path) -> Path:
+    """`folder` as a path; `InputError` when nothing can be written there. Makes nothing."""
+    path = Path(folder)
+    there = next((p for p in (path, *path.absolute().parents) if p.exists()), path)
+    if not there.is_dir():
+        raise InputError(
+            f"cannot write into {str(path)!r}: {str(there)!r} is not a folder; name another with --out"
+        )
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(
+            f"cannot write into {str(path)!r}: no permission for {str(there)!r}; name another with --out"
+        )
+    return path
+
+
+def fitted_card(diagnosis: Diagnosis) -> Card:
+    """The recording's card with the fitted values and the added effects; it reads back as a card."""
+    values: dict[str, CardEstimate] = {}
+    effects: dict[str, dict[str, CardEstimate]] = {}
+    # Parameters of an added effect that were not fitted are still part of it.
+    found = {effect.name for effect in diagnosis.effects}
+    for path, entry in parameters(diagnosis.model).items():
+        effect, name = split_name(path)
+        if effect in found:
+            effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
+    fitted = {
+        f"{EFFECTS}{e.name}.{name}": value for e in diagnosis.effects for name, value in e.parameters.items()
+    }
+    for path, estimate in {**fitted, **diagnosis.parameters}.items():
+        effect, name = split_name(path)
+        place = values if effect is None else effects.setdefault(effect, {})
+        place[name] = _card_estimate(estimate)
+    return diagnosis.recording.card.updated(values, effects)
+
+
+def _card_estimate(estimate: Estimate) -> CardEstimate:
+    return estimate.value, estimate.std if 0 < estimate.std < float("inf") else None
+
+
+def _placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
+    """Write `texts` beside their places, then rename them all."""
+    waiting: dict[Path, Path] = {}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            handle, temporary = tempfile.mkstemp(dir=folder, prefix=f".{name}.")
+            waiting[Path(temporary)] = folder / name
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+            # mkstemp makes files for their owner only; a result is as readable as any other file.
+            Path(temporary).chmod(0o666 & ~_umask())
+        for temporary, place in waiting.items():
+            temporary.replace(place)
+    except OSError as error:
+        raise InputError(f"cannot write into {str(folder)!r}: {error.strerror}") from error
+    finally:
+        for temporary in waiting:
+            temporary.unlink(missing_ok=True)
+    return list(waiting.values())
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,84 @@
+"""The causal chain of an actuator as named signals, and the slots where an effect may add to it.
+
+Signs: contraction +, tension +, flow into a chamber +. SI throughout, pressures absolute unless a name
+says gauge. A machine with one muscle carries scalars, one with several carries arrays over its muscles.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Muscles = Float[Array, "*muscles"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Slot:
+    """A signal to which effects may add; `unit` is its SI unit (templates as in `parameter`)."""
+
+    name: str
+    unit: str
+
+
+COMMAND = Slot("command", "{command}")
+MASS_FLOW = Slot("mass_flow", "kg/s")
+MUSCLE_FORCE = Slot("muscle_force", "N")
+LOAD = Slot("load", "{load}")
+FORCE_READING = Slot("force_reading", "N")
+
+SLOTS = (COMMAND, MASS_FLOW, MUSCLE_FORCE, LOAD, FORCE_READING)
+
+
+class Past(eqx.Module):
+    """The command as it was: zero-order hold, looked up `delay` seconds before the present interval.
+
+    A delay that is no multiple of the sampling step gives the mean of the delayed command over the
+    interval, so that the value is continuous in the delay and has a one-sided derivative at zero.
+    """
+
+    table: Float[Array, "samples *muscles"]
+    row: Array
+    step: Float[Array, ""]
+
+    def __call__(self, delay: Float[Array, ""]) -> Muscles:
+        lag = delay / self.step
+        whole = jnp.floor(lag)
+        part = lag - whole
+        row = self.row - whole.astype(int)
+        later = self.table[jnp.maximum(row, 0)]
+        earlier = self.table[jnp.maximum(row - 1, 0)]
+        return (1 - part) * later + part * earlier
+
+
+class Signals(eqx.Module):
+    """What is known at one instant along the chain; a rig fills what it has and leaves the rest `None`."""
+
+    command: Any = None  # unit of the rig's command
+    past: Past | None = None
+    ambient_pressure: Any = None  # Pa
+    gas_temperature: Any = None  # K
+    pressure: Any = None  # Pa, absolute, in the muscle
+    volume: Any = None  # m^3
+    mass_flow: Any = None  # kg/s into the muscle
+    contraction: Any = None  # m, shortening of the muscle
+    contraction_velocity: Any = None  # m/s
+    muscle: Any = None  # the muscle component, for its geometry
+    muscle_force: Any = None  # N, tension
+    load: Any = None  # N or N m, what accelerates the load
+    position: Any = None  # m or rad, of the load
+    velocity: Any = None  # m/s or rad/s
+    force: Any = None  # N, what the force sensor is loaded with
+    force_reading: Any = None  # N, what the force sensor shows
+
+    @property
+    def gauge_pressure(self) -> Muscles:
+        """Pressure in the muscle above ambient [Pa]."""
+        return self.pressure - self.ambient_pressure
+
+    def having(self, **signals: Any) -> Signals:
+        """A copy with further signals filled in."""
+        return dataclasses.replace(self, **signals)

@@ -1,0 +1,100 @@
+"""Nozzle flow: values, symmetry, and slopes at the points where it changes its form."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxmuscle.components.gas import CRITICAL_RATIO, GAMMA, GAS_CONSTANT, LAMINAR_RATIO, nozzle_flow
+
+AREA, WARM = jnp.asarray(2e-6), jnp.asarray(293.15)
+UP = 7e5
+
+
+def flow(pressure_in, pressure_out, area=AREA):
+    return nozzle_flow(area, jnp.asarray(pressure_in), jnp.asarray(pressure_out), WARM)
+
+
+def gradient(*arguments):
+    return np.array(jax.grad(nozzle_flow, argnums=(0, 1, 2, 3))(*map(jnp.asarray, arguments)))
+
+
+def difference(*arguments):
+    steps = np.diag(1e-6 * np.abs(arguments) + 1e-12 * (np.asarray(arguments) == 0))
+    values = np.asarray(arguments)
+    return np.array([
+        float(nozzle_flow(*map(jnp.asarray, values + s)) - nozzle_flow(*map(jnp.asarray, values - s))) / (2 * s.sum())
+        for s in steps
+    ])
+
+
+def test_choked_flow_of_air():
+    # 0.0404 A p / sqrt(T), the textbook number for air.
+    assert float(flow(UP, 1e5)) == pytest.approx(0.0404 * 2e-6 * UP / np.sqrt(293.15), rel=1e-3)
+
+
+def test_choked_flow_in_closed_form():
+    peak = np.sqrt(GAMMA / GAS_CONSTANT) * (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (2 * (GAMMA - 1)))
+    assert float(flow(UP, 1e5)) == pytest.approx(peak * 2e-6 * UP / np.sqrt(293.15), rel=1e-12)
+    assert float(flow(UP, 1e5)) == float(flow(UP, 3e5))
+
+
+def test_critical_ratio():
+    assert pytest.approx(0.528, abs=5e-4) == CRITICAL_RATIO
+
+
+@pytest.mark.parametrize("ratio", [0.6, 0.8, 0.95])
+def test_subsonic_flow_follows_the_energy_balance(ratio):
+    # ṁ = ρ v A with v² / 2 = c_p (T0 - T), T = T0 β^((γ-1)/γ), ρ = p / (R T).
+    cooled = 293.15 * ratio ** ((GAMMA - 1) / GAMMA)
+    speed = np.sqrt(2 * GAMMA * GAS_CONSTANT / (GAMMA - 1) * (293.15 - cooled))
+    expected = ratio * UP / (GAS_CONSTANT * cooled) * speed * 2e-6
+    assert float(flow(UP, ratio * UP)) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.3, CRITICAL_RATIO, 0.7, 0.9995, 1.0])
+def test_reversed_pressures_reverse_the_flow(ratio):
+    assert float(flow(ratio * UP, UP)) == -float(flow(UP, ratio * UP))
+
+
+def test_no_flow_at_equal_pressures_or_through_a_closed_hole():
+    assert float(flow(UP, UP)) == 0.0
+    assert float(flow(UP, 1e5, area=jnp.asarray(0.0))) == 0.0
+
+
+@pytest.mark.parametrize("ratio", [CRITICAL_RATIO, LAMINAR_RATIO])
+def test_is_continuous_where_its_form_changes(ratio):
+    below, above = flow(UP, UP * ratio * (1 - 1e-12)), flow(UP, UP * ratio * (1 + 1e-12))
+    np.testing.assert_allclose(below, above, rtol=1e-8)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("ratio", [0.3, CRITICAL_RATIO - 1e-3, CRITICAL_RATIO + 1e-3, 0.7, 0.998, 0.9995, 1.0])
+def test_slopes_equal_finite_differences(ratio, reverse):
+    pressures = (ratio * UP, UP) if reverse else (UP, ratio * UP)
+    point = (2e-6, *pressures, 293.15)
+    # Differences over 1e-6 of the argument err most where the root bends most: 4e-6 at a ratio of 0.998.
+    scale = float(abs(flow(UP, 1e5))) / np.asarray(point)
+    np.testing.assert_allclose(gradient(*point) / scale, difference(*point) / scale, atol=1e-5)
+
+
+@pytest.mark.parametrize("side", [-1e-9, 0.0, 1e-9])
+def test_slope_over_the_outlet_vanishes_at_the_choking_point(side):
+    slope = gradient(2e-6, UP, UP * (CRITICAL_RATIO + side), 293.15)
+    assert np.isfinite(slope).all()
+    assert abs(slope[2]) * UP < 1e-6 * float(flow(UP, 1e5))
+
+
+def test_slopes_through_a_closed_hole():
+    slope = gradient(0.0, UP, 3e5, 293.15)
+    assert slope[0] == pytest.approx(float(flow(UP, 3e5)) / 2e-6, rel=1e-12)
+    assert not slope[1:].any()
+    np.testing.assert_array_equal(gradient(0.0, UP, UP, 293.15), 0.0)
+
+
+def test_slopes_have_no_nan_in_a_batch_of_all_forms():
+    ratios = jnp.array([0.0001, CRITICAL_RATIO, 0.7, LAMINAR_RATIO, 1.0, 1 / LAMINAR_RATIO, 2.0, 1 / CRITICAL_RATIO])
+    for argument in range(4):
+        slope = jax.grad(nozzle_flow, argnums=argument)
+        batch = jax.vmap(slope, in_axes=(None, None, 0, None))(AREA, jnp.asarray(UP), ratios * UP, WARM)
+        assert np.isfinite(batch).all()

@@ -1,0 +1,104 @@
+"""The McKibben muscle: numbers of [T], equivalent forms, and slopes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import muscle as oracle
+
+from jaxmuscle.components import McKibben
+
+LENGTH, RADIUS, ANGLE = 0.3, 0.007, np.deg2rad(20)
+CARD = {"initial_length": LENGTH, "initial_radius": RADIUS, "braid_angle": ANGLE, "end_factor": 1.303}
+MUSCLE = McKibben(*CARD.values())
+STRAINS = np.linspace(-0.02, 0.3, 9)
+
+
+def force(strain, gauge, k=1.303):
+    return MUSCLE.force(jnp.asarray(strain * LENGTH), jnp.asarray(gauge), jnp.asarray(k))
+
+
+def test_largest_force_of_the_reference_muscle():
+    # 1084 N comes from a = 22.64 and b = 8.55; their rounding is worth 0.8 N.
+    assert float(force(0.0, 5e5)) == pytest.approx(1084, abs=1.3)
+
+
+@pytest.mark.parametrize(("k", "largest"), [(1.0, 0.3856), (1.303, 0.296)])
+def test_largest_contraction_of_the_reference_muscle(k, largest):
+    assert float(force(largest - 1e-4, 5e5, k)) > 0 > float(force(largest + 1e-4, 5e5, k))
+
+
+def test_largest_contraction_in_closed_form():
+    assert float(force(1 - 1 / (np.sqrt(3) * np.cos(ANGLE)), 5e5, 1.0)) == pytest.approx(0, abs=1e-9)
+
+
+def test_equals_schultes_form():
+    # [T] 6 with the braid's diameter at 90°, D90 = 2 r0 / sin α0.
+    expected = [oracle.schulte_force(CARD, strain, 3e5, 1.303) for strain in STRAINS]
+    np.testing.assert_allclose(force(STRAINS, 3e5), expected, rtol=1e-12)
+
+
+def test_force_is_the_work_of_the_volume():
+    # Virtual work without conic ends: F dx = P dV.
+    contraction = STRAINS * LENGTH
+    np.testing.assert_allclose(force(STRAINS, 3e5, 1.0), 3e5 * MUSCLE.volume_slope(contraction), rtol=1e-12)
+
+
+def test_volume_at_rest_is_that_of_the_cylinder():
+    assert float(MUSCLE.volume(jnp.asarray(0.0))) == pytest.approx(np.pi * RADIUS**2 * LENGTH, rel=1e-14)
+
+
+def test_volume_and_its_slope_equal_the_oracle():
+    volume, slope = np.transpose([oracle.cylinder(CARD, x) for x in STRAINS * LENGTH])
+    np.testing.assert_allclose(MUSCLE.volume(jnp.asarray(STRAINS * LENGTH)), volume, rtol=1e-12)
+    np.testing.assert_allclose(MUSCLE.volume_slope(jnp.asarray(STRAINS * LENGTH)), slope, rtol=1e-12)
+
+
+def test_volume_slope_is_the_derivative_of_the_volume():
+    contraction = jnp.asarray(STRAINS * LENGTH)
+    np.testing.assert_allclose(MUSCLE.volume_slope(contraction), jax.vmap(jax.grad(MUSCLE.volume))(contraction), rtol=1e-12)
+
+
+def test_volume_is_largest_where_the_force_vanishes():
+    largest = LENGTH * (1 - 1 / (np.sqrt(3) * np.cos(ANGLE)))
+    assert float(MUSCLE.volume_slope(jnp.asarray(largest))) == pytest.approx(0, abs=1e-15)
+
+
+def test_contact_surface_at_rest():
+    assert float(MUSCLE.contact_surface(jnp.asarray(0.0))) == pytest.approx(2 * np.pi * RADIUS * LENGTH, rel=1e-12)
+
+
+def test_contact_surface_shrinks_to_two_thirds():
+    shortened = jnp.asarray(0.3 / 1.303 * LENGTH)
+    ratio = MUSCLE.contact_surface(shortened) / MUSCLE.contact_surface(jnp.asarray(0.0))
+    assert float(ratio) == pytest.approx(0.65, abs=0.005)
+
+
+def test_contact_surface_equals_the_oracle():
+    expected = [oracle.contact(CARD, strain) for strain in STRAINS]
+    np.testing.assert_allclose(MUSCLE.contact_surface(jnp.asarray(STRAINS * LENGTH)), expected, rtol=1e-12)
+
+
+def test_swelling_follows_the_braid():
+    # [T] 3: r / r0 = sin α / sin α0 with cos α = (l / l0) cos α0.
+    ratio = 1 - STRAINS
+    expected = np.sin(np.arccos(ratio * np.cos(ANGLE))) / np.sin(ANGLE)
+    np.testing.assert_allclose(MUSCLE.swelling(jnp.asarray(ratio)), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("quantity", ["force", "volume", "contact_surface", "volume_slope"])
+@pytest.mark.parametrize("strain", [0.0, 0.1, 0.29])
+def test_slopes_equal_finite_differences(quantity, strain):
+    def value(entries):
+        muscle, contraction, gauge = McKibben(*entries[:4]), entries[4], entries[5]
+        if quantity == "force":
+            return muscle.force(contraction, gauge, muscle.end_factor)
+        return getattr(muscle, quantity)(contraction)
+
+    point = jnp.array([LENGTH, RADIUS, ANGLE, 1.303, strain * LENGTH, 3e5])
+    size = jnp.array([LENGTH, RADIUS, ANGLE, 1.303, LENGTH, 3e5])
+    steps = 3e-6 * jnp.diag(size)
+    difference = jax.vmap(lambda step: (value(point + step) - value(point - step)) / 6e-6)(steps)
+    slope = jax.grad(value)(point) * size
+    # The differences' own error is of the order of the squared step and of rounding, 1e-10 both.
+    np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-8 * float(jnp.abs(slope).max()))

@@ -1,0 +1,83 @@
+"""The slope of every effect over its strength at zero: finite, and what the difference to a small strength says."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+
+from jaxmuscle.effects import BY_NAME, CATALOGUE, AbstractMemoryEffect, AbstractRateEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import AbstractFrictionEffect
+from jaxmuscle.signals import Past, Signals
+
+NOISE = np.random.default_rng(7).normal(0, 0.1, 32)
+SIZES = {"area": 1e-7, "delay": 1e-3, "stiffness": 100.0, "time_constant": 5e-3, "wall_stiffness": 10.0}
+VELOCITIES = (0.13, 0.0, -0.13)
+
+
+def situation(velocity, contraction):
+    """Signals of a pair of muscles in the middle of its run: what any of the effects may read."""
+    both = jnp.array([1.0, -1.0])
+    pressure = bench.AMBIENT + jnp.array([3.1e5, 1.7e5])
+    muscle = bench.model("driven").muscle
+    table = jnp.asarray(np.random.default_rng(3).uniform(1e5, 5e5, (6, 2)))
+    force = muscle.force(0.05 + contraction * both, pressure - bench.AMBIENT, muscle.end_factor)
+    return Signals(
+        command=table[4],
+        past=Past(table, jnp.asarray(4), jnp.asarray(2e-3)),
+        ambient_pressure=jnp.asarray(bench.AMBIENT),
+        gas_temperature=jnp.asarray(293.15),
+        pressure=pressure,
+        mass_flow=1e-4 * both,
+        contraction=0.05 + contraction * both,
+        contraction_velocity=velocity * both,
+        muscle=muscle,
+        muscle_force=force,
+        position=jnp.asarray(contraction / 0.015),
+        velocity=jnp.asarray(velocity / 0.015),
+        force=force,
+    )
+
+
+def contribution(name, strength, velocity):
+    """What the effect adds, or the limit of its dry friction, from a disturbed state."""
+    effect_type = BY_NAME[name]
+    effect = effect_type(**{effect_type.strength: strength})
+    before, now = situation(velocity, 0.004), situation(velocity, 0.004 + 2e-3 * velocity)
+
+    def disturbed(value):
+        return jax.tree.map(lambda leaf: leaf + NOISE[: leaf.size].reshape(leaf.shape), value)
+
+    if isinstance(effect, AbstractFrictionEffect):
+        return effect.limit(now)
+    if isinstance(effect, AbstractStaticEffect):
+        return effect.value(now)
+    if isinstance(effect, AbstractRateEffect):
+        return effect.value(disturbed(effect.initial(before)), now)
+    assert isinstance(effect, AbstractMemoryEffect)
+    return effect.value(effect.update(disturbed(effect.initial(before)), now, jnp.asarray(2e-3)), now)
+
+
+@pytest.mark.parametrize("velocity", VELOCITIES)
+@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+def test_slope_at_zero_strength(name, velocity):
+    size = SIZES.get(BY_NAME[name].strength, 1.0)
+    slope = jax.jacfwd(lambda s: contribution(name, s * size, velocity))(jnp.asarray(0.0))
+    zero, half, whole = (contribution(name, jnp.asarray(h * size), velocity) for h in (0.0, 5e-5, 1e-4))
+    assert not np.any(zero)
+    assert np.isfinite(slope).all()
+    # One-sided, second order, since some strengths have no other side; the bend of the sharpest (a lag of
+    # 0.5 µs against a step of 2 ms) is of the order of the squared step.
+    difference = (4 * half - whole) / 1e-4
+    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-6 * max(1e-12, float(np.abs(slope).max())))
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+def test_reverse_mode_agrees(name):
+    size = SIZES.get(BY_NAME[name].strength, 1.0)
+
+    def total(strength):
+        return jnp.sum(contribution(name, strength * size, 0.13))
+
+    forward = jax.jvp(total, (jnp.asarray(0.0),), (jnp.asarray(1.0),))[1]
+    np.testing.assert_allclose(jax.grad(total)(jnp.asarray(0.0)), forward, rtol=1e-9, atol=1e-15)

@@ -1,0 +1,119 @@
+"""At zero strength an effect changes nothing, to the last bit, whatever the state."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+
+from jaxmuscle.actuators import Held
+from jaxmuscle.effects import AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.effects.base import initial_states
+from jaxmuscle.parameters import get, parameters
+from jaxmuscle.signals import Past
+
+PAIRS = [(rig, effect) for rig in bench.BLANKS for effect in bench.offered(rig)]
+IDS = [f"{rig}-{effect.name}" for rig, effect in PAIRS]
+LANES, ROW = 6, 3
+RANDOM = {
+    "opening": lambda rng: rng.uniform(-1, 1),
+    "pressure": lambda rng, *shape: bench.AMBIENT + rng.uniform(0, 5e5, *shape),
+    "pressure_rate": lambda rng, *shape: rng.normal(0, 1e6, *shape),
+    "position": lambda rng: rng.uniform(-1e-3, 0.09),
+    "contraction": lambda rng: rng.uniform(0, 0.09),
+    "velocity": lambda rng: rng.choice([0.0, rng.normal(0, 0.3)]),
+    "angle": lambda rng: rng.normal(0, 1.0),
+    "angular_velocity": lambda rng: rng.choice([0.0, rng.normal(0, 5.0)]),
+}
+SIZES = {"area": 1e-7, "delay": 3e-3, "force": 5.0, "stiffness": 100.0, "time_constant": 0.05}
+SHAPED = {"joint": ("pressure", "pressure_rate")}
+STATES = {
+    "isotonic": ("opening", "pressure", "position", "velocity"),
+    "driven": ("pressure", "contraction", "velocity"),
+    "joint": ("pressure", "pressure_rate", "angle", "angular_velocity"),
+}
+
+
+def drawn(rig, seed):
+    """A random state of the rig and a random history of its command."""
+    rng = np.random.default_rng(seed)
+    shapes = {name: ((2,) if name in SHAPED.get(rig, ()) else ()) for name in STATES[rig]}
+    state = {name: jnp.asarray(RANDOM[name](rng, *shapes[name])) for name in STATES[rig]}
+    table = rng.uniform(-5, 5, (6,)) if rig != "joint" else bench.AMBIENT + rng.uniform(0, 5e5, (6, 2))
+    return state, jnp.asarray(table), jnp.asarray(rng.normal(0, 0.1, 64))
+
+
+def held(rig, table, memory):
+    past = Past(table, jnp.asarray(ROW), jnp.asarray(2e-3)) if rig != "driven" else None
+    return Held(table[ROW], past, memory)
+
+
+def disturbed(value, noise):
+    """An effect's state moved away from where it rests."""
+    return jax.tree.map(lambda leaf: leaf + noise[: leaf.size].reshape(leaf.shape), value)
+
+
+def outcome(actuator, rig, state, table, noise):
+    """Rates of the machine's own states, readings, and the largest of what the effects add."""
+    bare = actuator.without_effects(*actuator.effects)
+    before = bare.signals(state, held(rig, table, {}))
+    states, memory = initial_states(actuator.effects, before)
+    states, memory = disturbed(states, noise), disturbed(memory, noise)
+    for name, effect in actuator.effects.items():
+        if isinstance(effect, AbstractMemoryEffect):
+            memory[name] = effect.update(memory[name], before, jnp.asarray(1e-3))
+    situation = held(rig, table, memory)
+    state = {**state, "effects": states}
+    rates = actuator.vector_field(state, situation)
+    return {n: r for n, r in rates.items() if n != "effects"}, actuator.readings(actuator.signals(state, situation))
+
+
+def assert_identical(left, right):
+    for a, b in zip(jax.tree.leaves(left), jax.tree.leaves(right), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
+def test_changes_nothing_at_zero_strength(rig, effect):
+    bare, carrying = bench.model(rig), bench.model(rig, [effect.name])
+    lanes = [drawn(rig, seed) for seed in range(LANES)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
+    without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)
+    with_effect = jax.vmap(lambda lane: outcome(carrying, rig, *lane))(stacked)
+    assert_identical(without, with_effect)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(without))
+    assert_identical(outcome(bare, rig, *lanes[0]), outcome(carrying, rig, *lanes[0]))
+
+
+@pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
+def test_changes_something_otherwise(rig, effect):
+    path = f"effects.{effect.name}.{effect.strength}"
+    bare = bench.model(rig)
+    strong = bench.model(rig, **{effect.name: {effect.strength: SIZES.get(effect.strength, 0.1)}})
+    assert parameters(strong)[path].value == get(strong, path) != 0
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[drawn(rig, seed) for seed in range(LANES)])
+    without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)
+    with_effect = jax.vmap(lambda lane: outcome(strong, rig, *lane))(stacked)
+    pairs = zip(jax.tree.leaves(without), jax.tree.leaves(with_effect), strict=True)
+    assert any(np.any(a != b) for a, b in pairs)
+
+
+@pytest.mark.parametrize("rig", bench.BLANKS)
+def test_all_at_zero_strength_change_nothing_when_compiled(rig):
+    names = [effect.name for effect in bench.offered(rig)]
+    state = drawn(rig, 0)
+    bare = jax.jit(lambda lane: outcome(bench.model(rig), rig, *lane))(state)
+    carrying = jax.jit(lambda lane: outcome(bench.model(rig, names), rig, *lane))(state)
+    for a, b in zip(jax.tree.leaves(bare), jax.tree.leaves(carrying), strict=True):
+        # A compiler may contract a product and a sum differently: the last few bits.
+        np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-9)
+
+
+@pytest.mark.parametrize("effect", {effect for _, effect in PAIRS}, ids=lambda effect: effect.name)
+def test_strength_is_zero_unless_declared(effect):
+    assert float(getattr(effect(), effect.strength)) == 0.0
+
+
+def test_every_kind_of_effect_is_covered():
+    kinds = {kind for _, effect in PAIRS for kind in effect.__mro__}
+    assert {AbstractMemoryEffect, AbstractRateEffect} <= kinds

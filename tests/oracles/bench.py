@@ -1,0 +1,139 @@
+"""One card, one command and one package model for each rig, shared by the comparisons with the oracles."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxmuscle.actuators import RIGS, Driven, Isotonic, Joint
+from jaxmuscle.components import FlowValve, McKibben, PressureRegulator
+from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.parameters import replace
+from jaxmuscle.simulate import Track, run, start_at_rest
+
+AMBIENT = 101325.0
+STEPS = {"isotonic": 2e-3, "joint": 2e-3, "driven": 1e-2}
+MUSCLE = {
+    "initial_length": 0.3,
+    "initial_radius": 0.007,
+    "braid_angle": np.deg2rad(20),
+    "end_factor": 1.303,
+    "ambient_pressure": AMBIENT,
+}
+CARDS = {
+    "isotonic": {
+        **MUSCLE,
+        "valve_area": 2e-6,
+        "valve_time_constant": 7e-3,
+        "full_command": 5.0,
+        "supply_pressure": AMBIENT + 6e5,
+        "gas_temperature": 293.15,
+        "polytropic_exponent": 1.2,
+        "mass": 12.0,
+    },
+    "driven": MUSCLE,
+    "joint": {
+        **MUSCLE,
+        "regulator_frequency": 12.0,
+        "regulator_damping": 0.85,
+        "sprocket_radius": 0.015,
+        "initial_contraction": 0.2,
+        "inertia": 0.04,
+    },
+}
+BLANKS = {
+    "isotonic": Isotonic(FlowValve(1, 1, 1, 1), McKibben(1, 1, 1, 1), 1),
+    "driven": Driven(McKibben(1, 1, 1, 1)),
+    "joint": Joint(PressureRegulator(1, 1), McKibben(1, 1, 1, 1), 1, 1, 0),
+}
+THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.105, "velocity_constant": 0.15}
+BLADDER = {"stiffness": 900.0, "threshold_pressure": 3.8e4}
+WALL = {"wall_stiffness": 15.0}
+LOOP = {"weight": 0.13, "asymmetry": -0.1, "density_width": 0.1}
+ENDS = {"amplitude": 3.0}
+
+
+def model(rig, carried=(), **declared):
+    """The rig with the values of its card, with effects `carried` at zero strength and those `declared`."""
+    quantities = RIGS[rig].quantities
+    bare = replace(BLANKS[rig], {quantities[name]: value for name, value in CARDS[rig].items()})
+    values = {name: declared.get(name, {}) for name in (*carried, *declared)}
+    return bare.with_effects(**{name: BY_NAME[name](**value) for name, value in values.items()})
+
+
+def offered(rig):
+    """The effects of the catalogue that a rig offers."""
+    return [effect for effect in CATALOGUE if BLANKS[rig].offers(effect)]
+
+
+def isotonic_command():
+    """Charge, hold, shake, empty until the mass is back on the plate, hold, lift again [V]; 1.7 s."""
+    t = np.arange(850) * STEPS["isotonic"]
+    shake = 2.5 * np.sin(2 * np.pi * 5 * (t - 0.3))
+    return np.select([t < 0.15, t < 0.3, t < 0.7, t < 1.15, t < 1.25], [2.5, 0.0, shake, -5.0, 0.0], 3.5)
+
+
+def joint_command():
+    """Co-contraction, a step, sines and a step back, turning both ways [Pa, absolute]; 1.6 s, two muscles."""
+    t = np.arange(800) * STEPS["joint"]
+    sweep = 2e5 * np.sin(2 * np.pi * 2.5 * (t - 0.5))
+    difference = np.select([t < 0.1, t < 0.5, t < 1.1], [0.0, 1.2e5, sweep], -1e5)
+    return AMBIENT + 2.5e5 + np.stack([difference, -difference], axis=1)
+
+
+def driven_motion():
+    """Pressure, contraction and velocity of a test machine: triangles with a dwell, pressure waving; 2 s."""
+    t = np.arange(200) * STEPS["driven"]
+    velocity = np.select([t < 0.6, t < 0.8, t < 1.2, t < 1.5], [0.1, 0.0, -0.08, 0.05], -0.06)
+    contraction = np.concatenate([[0.005], 0.005 + np.cumsum(velocity[:-1]) * STEPS["driven"]])
+    return AMBIENT + 2.5e5 + 1.5e5 * np.sin(2 * np.pi * 0.7 * t), contraction, velocity
+
+
+def track(rig, command, **measured):
+    """A `Track` from arrays; what has no axis of samples stays as it is throughout."""
+    command = jnp.asarray(command, dtype=float)
+
+    def spread(value):
+        value = jnp.asarray(value, dtype=float)
+        constant = value.ndim == 0 or len(value) != len(command)
+        return jnp.broadcast_to(value, (len(command), *value.shape)) if constant else value
+
+    return Track(jnp.asarray(STEPS[rig]), command, {name: spread(value) for name, value in measured.items()})
+
+
+def isotonic_track(command):
+    """The mass on its plate, the muscle empty."""
+    return track("isotonic", command, pressure=AMBIENT, position=0.0, velocity=0.0)
+
+
+def joint_track(command):
+    """The joint at angle 0, the pressures as first commanded."""
+    return track("joint", command, pressure=np.asarray(command[0]), angle=0.0, angular_velocity=0.0)
+
+
+def driven_track(pressure, contraction, velocity):
+    """An imposed motion."""
+    zeros = np.zeros(len(pressure))
+    return track("driven", zeros, pressure=pressure, contraction=contraction, velocity=velocity)
+
+
+def simulate(actuator, bench, substeps, keep=()):
+    """The whole track from rest at its first sample: a `Run`."""
+    return run(
+        actuator,
+        bench,
+        start_at_rest(actuator, bench),
+        jnp.asarray(0),
+        samples=bench.command.shape[0],
+        imposed=type(actuator).imposed,
+        substeps=substeps,
+        keep=keep,
+    )
+
+
+simulated = eqx.filter_jit(simulate)
+"""`simulate`, compiled once for each structure of the model."""
+
+
+def deviation(values, reference):
+    """Largest deviation relative to the range of the reference."""
+    return float(np.abs(np.asarray(values) - reference).max() / np.ptp(reference))

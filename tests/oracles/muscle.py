@@ -1,0 +1,76 @@
+"""The McKibben muscle of [T] in braid-angle form, and its corrections, in plain floats.
+
+Written from the equations of Tondu and Lopez (2000) with the braid angle α as the variable, where the
+package uses the contraction ratio; angles in rad, SI, P gauge. Shared by the oracles of the three rigs.
+"""
+
+from math import cos, exp, pi, sin, sqrt
+
+BAR = 1e5
+THRESHOLDS = [0.01 * i for i in range(1, 9)]
+
+
+def schulte_force(card, strain, gauge, end_factor):
+    """[T] 6: F = (π D90²/4) P (3 cos²α - 1), D90 the braid's diameter at an angle of 90°."""
+    cosine = cos(card["braid_angle"]) * (1 - end_factor * strain)
+    diameter = 2 * card["initial_radius"] / sin(card["braid_angle"])
+    return pi * diameter**2 / 4 * gauge * (3 * cosine**2 - 1)
+
+
+def cylinder(card, contraction):
+    """[T] 3: volume of the plain cylinder and its slope over the contraction."""
+    length = card["initial_length"] - contraction
+    cosine = cos(card["braid_angle"]) * length / card["initial_length"]
+    area = pi * (card["initial_radius"] / sin(card["braid_angle"])) ** 2
+    return area * length * (1 - cosine**2), -area * (1 - 3 * cosine**2)
+
+
+def contact(card, strain):
+    """[T] 14: thread-on-thread surface S."""
+    shortened = 1 - card["end_factor"] * strain
+    sine = sqrt(1 - (cos(card["braid_angle"]) * shortened) ** 2)
+    scale = 2 * pi * card["initial_radius"] * card["initial_length"] * sin(card["braid_angle"])
+    return scale / (shortened * sine)
+
+
+def corrected_force(card, effects, strain, gauge, plays):
+    """Static force with the pressure-dependent ends, the bladder, its wall and the hysteresis that are declared."""
+    k = card["end_factor"]
+    force = schulte_force(card, strain, gauge, k)
+    if ends := effects.get("pressure_dependent_ends"):
+        force = schulte_force(card, strain, gauge, k + ends["amplitude"] * exp(-gauge / BAR))
+    if bladder := effects.get("bladder_stiffness"):
+        force -= schulte_force(card, strain, bladder["threshold_pressure"], k)
+        force -= bladder["stiffness"] * strain
+    if wall := effects.get("bladder_hoop_stiffness"):
+        cosine = cos(card["braid_angle"]) * (1 - k * strain)
+        q = sqrt(1 - cosine**2) / sin(card["braid_angle"])
+        slope = cosine * cos(card["braid_angle"]) / (sin(card["braid_angle"]) ** 2 * q)
+        force -= wall["wall_stiffness"] * slope * (q - 1)
+    if loop := effects.get("length_hysteresis"):
+        force -= hysteresis(card, loop, strain, gauge, plays)
+    return force
+
+
+def hysteresis(card, loop, strain, gauge, plays):
+    """w π r0² P h (1 + s h): h from -1 to 1, the mean of the stops ε - F_r weighted by exp(-r/ρ)."""
+    weights = [exp(-r / loop["density_width"]) for r in THRESHOLDS]
+    stops = [strain - z for z in moved(plays, strain)]
+    full = sum(w * r for w, r in zip(weights, THRESHOLDS, strict=True))
+    h = sum(w * s for w, s in zip(weights, stops, strict=True)) / full
+    return loop["weight"] * pi * card["initial_radius"] ** 2 * gauge * h * (1 + loop["asymmetry"] * h)
+
+
+def moved(plays, value):
+    """[W] play operators after the input has gone straight to `value`."""
+    return [max(value - r, min(value + r, z)) for r, z in zip(THRESHOLDS, plays, strict=True)]
+
+
+def thread_limit(card, effects, strain, gauge, velocity):
+    """[T] 15, 16: f S P, f from static to kinetic over the velocity."""
+    friction = effects.get("thread_friction")
+    if friction is None:
+        return 0.0
+    fs, fk = friction["static_coefficient"], friction["kinetic_coefficient"]
+    f = fk + (fs - fk) * exp(-abs(velocity) / friction["velocity_constant"])
+    return f * contact(card, strain) * max(gauge, 0.0)

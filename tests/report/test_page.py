@@ -1,0 +1,98 @@
+"""The page: self-contained, and it says what it has to say."""
+
+import base64
+import dataclasses
+import html
+import re
+
+import numpy as np
+import pytest
+from report.fake import diagnosis
+
+from jaxmuscle.report.page import page
+from jaxmuscle.report.sentence import sentence
+from jaxmuscle.report.style import extremes
+
+VERDICTS = ("effects found", "complete", "unexplained")
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_page_is_one_file_with_the_sentence_first(verdict: str) -> None:
+    outcome = diagnosis(verdict)
+    text = page(outcome)
+    assert f"<h1>{sentence(outcome)}</h1>" in html.unescape(text)
+    assert text.index("<h1>") < text.index("<table>")
+    addresses = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", text)
+    assert addresses and all(address.startswith("data:image/svg+xml;base64,") for address in addresses)
+    assert not re.search(r"<script|<link|@import|url\(", text)
+    assert len(text) < 3_000_000
+    pictures = [base64.b64decode(a.partition(",")[2]).decode() for a in addresses]
+    assert all(picture.rstrip().endswith("</svg>") for picture in pictures)
+    # Inside a picture only its own parts are referred to, never a file.
+    inner = [target for picture in pictures for target in re.findall(r'xlink:href="([^"]*)"', picture)]
+    assert all(target.startswith(("#", "data:")) for target in inner)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "told"),
+    [
+        (
+            "effects found",
+            "Every other candidate predicts unseen windows significantly worse than load friction",
+        ),
+        ("complete", "<h2>Nothing is missing</h2>"),
+        ("unexplained", "No guess is made at what it is"),
+    ],
+)
+def test_page_says_what_the_verdict_means(verdict: str, told: str) -> None:
+    assert told in page(diagnosis(verdict))
+
+
+def test_page_tells_provenance() -> None:
+    outcome = diagnosis("effects found")
+    text = page(outcome)
+    assert outcome.recording.sha256 is not None
+    for told in (
+        "lift.csv",
+        outcome.recording.sha256,
+        "6000 rows",
+        "isotonic",
+        "optimistix",
+        "folds: 5",
+        "31 s",
+    ):
+        assert told in text
+
+
+def test_page_escapes_what_the_user_wrote() -> None:
+    outcome = diagnosis("complete")
+    card = dataclasses.replace(outcome.recording.card, description="<script>alert(1)</script>")
+    recording = dataclasses.replace(outcome.recording, card=card)
+    assert "<script" not in page(dataclasses.replace(outcome, recording=recording))
+
+
+def test_a_fit_that_did_not_converge_is_said() -> None:
+    outcome = diagnosis("complete")
+    warning = "take the values below as provisional"
+    assert warning not in page(outcome)
+    assert warning in page(dataclasses.replace(outcome, converged=False))
+
+
+def test_page_without_horizon_rounds_reveal_or_file() -> None:
+    outcome = diagnosis("complete")
+    recording = dataclasses.replace(outcome.recording, file=None, sha256=None)
+    traces = dataclasses.replace(outcome.traces, windows=np.array([0, 4200]))
+    bare = dataclasses.replace(outcome, recording=recording, horizon=None, rounds=(), traces=traces)
+    assert "predicting each part in one run" in page(bare)
+
+
+def test_pages_of_one_diagnosis_are_equal() -> None:
+    assert page(diagnosis("complete")) == page(diagnosis("complete"))
+
+
+def test_thinning_keeps_peaks_and_gaps() -> None:
+    values = np.zeros(10_000)
+    values[1234], values[7777], values[5000] = 5.0, -3.0, np.nan
+    rows = extremes(values, 200)
+    assert len(rows) < 320
+    assert {1234, 7777, 5000, 0, 9999} <= set(rows.tolist())

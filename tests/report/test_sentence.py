@@ -1,0 +1,67 @@
+"""The one plain sentence."""
+
+import dataclasses
+
+from report.fake import diagnosis
+
+from jaxmuscle.report.sentence import sentence
+
+
+def test_effects_found_names_the_fall_and_the_effect() -> None:
+    found = diagnosis("effects found")
+    errors = [part["held_out"]["position"].rmse * 1e3 for part in (found.before, found.after)]
+    fall = f"from {errors[0]:.2f} mm to {errors[1]:.3f} mm"
+    assert sentence(found) == (
+        f"Position error on unseen data fell {fall} after adding load friction, 16.2 ± 0.4 N."
+    )
+
+
+def test_complete_says_that_nothing_is_missing() -> None:
+    text = sentence(diagnosis("complete"))
+    assert text.startswith("Nothing is missing: the declared model predicts unseen data to ")
+    assert "pressure 0.0040 bar" in text and "position 0.030 mm" in text
+
+
+def test_unexplained_says_where_and_does_not_guess() -> None:
+    text = sentence(diagnosis("unexplained"))
+    assert "no effect of the catalogue explains" in text
+    assert text.endswith("; it acts on the load and depends on position and velocity.")
+    assert not any(word in text for word in ("friction", "damping", "creep"))
+
+
+def test_what_cannot_be_told_apart_is_said() -> None:
+    found = diagnosis("effects found")
+    first = found.rounds[0]
+    tied = [dataclasses.replace(a, told_apart=a.name != "load_damping") for a in first.ranking]
+    doubtful = dataclasses.replace(found, rounds=(dataclasses.replace(first, ranking=tuple(tied)),))
+    assert sentence(doubtful).endswith("16.2 ± 0.4 N, from which load damping cannot be told apart here.")
+
+
+def test_an_error_that_stays_large_is_said() -> None:
+    found = diagnosis("effects found")
+    errors = found.after["held_out"]
+    large = dataclasses.replace(errors["position"], in_noise=10.4)
+    after = {**found.after, "held_out": {"position": large}}
+    text = sentence(dataclasses.replace(found, after=after))
+    assert "mm, still 10 times the sensor noise, after adding load friction" in text
+
+
+def test_an_error_that_did_not_fall_is_not_said_to_fall() -> None:
+    found = diagnosis("effects found")
+    text = sentence(dataclasses.replace(found, after=found.before))
+    assert "did not fall: it went from" in text and " fell " not in text
+
+
+def test_something_can_be_left_beside_an_added_effect() -> None:
+    found = diagnosis("effects found")
+    text = sentence(dataclasses.replace(found, verdict="unexplained", after=found.before))
+    assert text.startswith("Even with load friction, 16.2 ± 0.4 N, something is missing")
+
+
+def test_several_parameters_name_the_strength() -> None:
+    found = diagnosis("effects found")
+    effect = found.effects[0]
+    several = dataclasses.replace(
+        effect, parameters={**effect.parameters, "width": effect.parameters["force"]}
+    )
+    assert "load friction (force 16.2 ± 0.4 N)." in sentence(dataclasses.replace(found, effects=(several,)))

@@ -1,0 +1,86 @@
+"""The files of a diagnosis."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import pytest
+from report.fake import diagnosis
+
+from jaxmuscle.diagnosis.result import Estimate
+from jaxmuscle.errors import InputError
+from jaxmuscle.recordings import Card
+from jaxmuscle.report import write as module
+from jaxmuscle.report.page import page
+from jaxmuscle.report.result_json import result
+from jaxmuscle.report.write import write
+
+
+def test_three_files(tmp_path: Path) -> None:
+    outcome, folder = diagnosis("effects found"), tmp_path / "new" / "out"
+    files = write(outcome, folder)
+    assert sorted(p.name for p in folder.iterdir()) == ["card.toml", "report.html", "result.json"]
+    assert {p.name for p in files} == {"card.toml", "report.html", "result.json"}
+    assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == result(outcome)
+    assert (folder / "report.html").read_text(encoding="utf-8") == page(outcome)
+
+
+def test_no_report(tmp_path: Path) -> None:
+    write(diagnosis("complete"), tmp_path, report=False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["card.toml", "result.json"]
+
+
+def test_card_reads_back_with_the_fitted_values_and_the_added_effect(tmp_path: Path) -> None:
+    outcome = diagnosis("effects found")
+    write(outcome, tmp_path)
+    card = Card.read(tmp_path / "card.toml")
+    assert (card.uncertain["valve_area"].value, card.uncertain["valve_area"].std) == (1.1712e-6, 3.1e-9)
+    assert (card.effects["load_friction"]["force"].value, card.effects["load_friction"]["force"].std) == (
+        16.21,
+        0.38,
+    )
+    assert card.effects["thread_friction"]["kinetic_coefficient"].value == 0.0893
+    declared = outcome.recording.card
+    assert (
+        card.effects["thread_friction"]["static_coefficient"]
+        == declared.effects["thread_friction"]["static_coefficient"]
+    )
+    assert (card.known, card.columns, card.noise) == (declared.known, declared.columns, declared.noise)
+
+
+def test_a_value_without_a_usable_deviation_becomes_known(tmp_path: Path) -> None:
+    fitted = {"end_factor": Estimate(1.3, math.inf, "", "")}
+    write(dataclasses.replace(diagnosis("complete"), parameters=fitted), tmp_path, report=False)
+    card = Card.read(tmp_path / "card.toml")
+    assert card.known["end_factor"].value == 1.3 and "end_factor" not in card.uncertain
+
+
+def test_nothing_is_written_when_rendering_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: object) -> str:
+        raise RuntimeError("no page")
+
+    monkeypatch.setattr(module, "page", broken)
+    with pytest.raises(RuntimeError, match="no page"):
+        write(diagnosis("complete"), tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_old_files_stay_whole_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "result.json").write_text("old")
+
+    def full(handle: int, *args: object, **options: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fdopen", full)
+    with pytest.raises(InputError, match="No space left"):
+        write(diagnosis("complete"), tmp_path, report=False)
+    monkeypatch.undo()
+    assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
+    assert (tmp_path / "result.json").read_text() == "old"
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="is not a folder"):
+        write(diagnosis("complete"), tmp_path / "taken" / "out", report=False)

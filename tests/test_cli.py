@@ -1,0 +1,136 @@
+"""The command line: what goes where, and with which exit status."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report.fake import diagnosis
+from typer.testing import CliRunner, Result
+
+import jaxmuscle
+import jaxmuscle.diagnosis as package
+from jaxmuscle.cli import app
+from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.recordings import Recording
+from jaxmuscle.report.sentence import sentence
+from jaxmuscle.samples import sample
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def asked() -> list[Recording]:
+    """The recordings that were diagnosed."""
+    return []
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: list[Recording]) -> Run:
+    """Run the program in an empty folder, with a diagnosis that is known beforehand."""
+
+    def diagnose(recording: Recording, *, progress: Callable[[str], None], **_: Any) -> Any:
+        progress("Fitting [what] is declared")
+        asked.append(recording)
+        return diagnosis("effects found")
+
+    monkeypatch.setattr(package, "diagnose", diagnose, raising=False)
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_without_a_recording_the_sample_is_diagnosed(
+    run: Run, tmp_path: Path, asked: list[Recording]
+) -> None:
+    outcome = run("diagnose")
+    assert outcome.exit_code == 0, outcome.stderr
+    assert [recording.name for recording in asked] == ["lift"]
+    folder = tmp_path / "jaxmuscle-lift"
+    assert sorted(p.name for p in folder.iterdir()) == ["card.toml", "report.html", "result.json"]
+
+
+def test_results_and_progress_are_kept_apart(run: Run) -> None:
+    outcome = run("diagnose", sample("lift"), "--out", "here")
+    assert sentence(diagnosis("effects found")) in outcome.stdout.splitlines()
+    assert str(Path("here", "report.html")) in outcome.stdout.splitlines()
+    assert "before" in outcome.stdout and "after" in outcome.stdout
+    assert "Fitting [what] is declared" in outcome.stderr.splitlines()
+    assert "Fitting" not in outcome.stdout
+
+
+def test_no_report(run: Run, tmp_path: Path) -> None:
+    assert run("diagnose", "--no-report", "--out", "here").exit_code == 0
+    assert sorted(p.name for p in (tmp_path / "here").iterdir()) == ["card.toml", "result.json"]
+
+
+def test_card_can_be_named(run: Run, tmp_path: Path, asked: list[Recording]) -> None:
+    card = tmp_path / "other.toml"
+    text = sample("lift").with_suffix(".toml").read_text(encoding="utf-8")
+    card.write_text(text.replace("value = 8,", "value = 9,"), encoding="utf-8")
+    assert run("diagnose", sample("lift"), "--card", card, "--out", "here").exit_code == 0
+    assert asked[0].card.known["mass"].value == 9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("absent.csv",), "no recording 'absent.csv'"),
+        (("--card", "absent.toml"), "no card 'absent.toml'"),
+        (("--out", "taken"), "is not a folder"),
+        (("--nonsense",), "No such option"),
+    ],
+)
+def test_bad_input(
+    run: Run, tmp_path: Path, asked: list[Recording], arguments: tuple[str, ...], told: str
+) -> None:
+    (tmp_path / "taken").write_text("")
+    outcome = run("diagnose", *arguments)
+    assert outcome.exit_code == 2
+    assert told in outcome.stderr and "Traceback" not in outcome.stderr
+    assert outcome.stdout == "" and asked == []
+    assert [p.name for p in tmp_path.iterdir()] == ["taken"]
+
+
+@pytest.mark.parametrize("debug", [False, True])
+def test_a_fault_of_ours(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, debug: bool) -> None:
+    def diagnose(*_: Any, **__: Any) -> None:
+        raise RuntimeError("a surprise")
+
+    monkeypatch.setattr(package, "diagnose", diagnose)
+    outcome = run("diagnose", *(["--debug"] if debug else []))
+    assert outcome.exit_code == 1
+    assert "RuntimeError: a surprise" in outcome.stderr and "Please report it" in outcome.stderr
+    assert ("Traceback" in outcome.stderr) is debug
+    assert outcome.stdout == "" and list(tmp_path.iterdir()) == []
+
+
+def test_effects_lists_the_whole_catalogue(run: Run) -> None:
+    outcome = run("effects")
+    assert outcome.exit_code == 0
+    for effect in CATALOGUE:
+        line = next(line for line in outcome.stdout.splitlines() if line.startswith(effect.name + " "))
+        assert effect.slot.name in line
+    assert ":math:" not in outcome.stdout
+
+
+def test_help_needs_nothing_heavy() -> None:
+    code = (
+        "import sys\n"
+        "from jaxmuscle.cli import app\n"
+        "try:\n    app(['--help'])\n"
+        "except SystemExit as end:\n    assert end.code == 0\n"
+        "print([name for name in ('jax', 'numpy', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert "diagnose" in done.stdout and "effects" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_version(run: Run) -> None:
+    outcome = run("--version")
+    assert outcome.exit_code == 0
+    assert outcome.stdout == f"jaxmuscle {jaxmuscle.__version__}\n"
