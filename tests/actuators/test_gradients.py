@@ -1,4 +1,4 @@
-"""Forward-mode derivatives of whole runs against finite differences, over all parameters and scenes at once."""
+"""Forward-mode derivatives of whole runs against finite differences, over all parameters and scenes."""
 
 from functools import cache
 
@@ -34,7 +34,11 @@ RANGES = {"pressure": 5e5, "position": 0.05, "angle": 1.0, "force": 500.0}
 
 def lift(pressure, command, position=0.0, velocity=0.0):
     return bench.track(
-        "isotonic", np.full(SAMPLES, command), pressure=bench.AMBIENT + pressure, position=position, velocity=velocity
+        "isotonic",
+        np.full(SAMPLES, command),
+        pressure=bench.AMBIENT + pressure,
+        position=position,
+        velocity=velocity,
     )
 
 
@@ -74,7 +78,7 @@ SCENES = {
 
 @cache
 def machine(rig):
-    """The rig with every offered effect, its scenes stacked, and the compiled derivatives over all parameters."""
+    """The rig with every offered effect, its scenes stacked, its readings and their derivatives."""
     carried = [effect.name for effect in bench.offered(rig)]
     declared = {name: GENERIC.get(name, {}) for name in carried}
     actuator = bench.model(rig, **declared)
@@ -102,7 +106,10 @@ def assert_close(derivative, difference, tolerance, floor, paths, scenes):
     assert np.isfinite(derivative).all()
     error, scale = np.abs(derivative - difference).max(axis=1), np.abs(difference).max(axis=1)
     allowed = np.asarray(tolerance)[:, None] * scale + floor
-    wrong = [f"{scenes[i]}: {paths[j]} {error[i, j]:.2e} of {scale[i, j]:.2e}" for i, j in np.argwhere(error > allowed)]
+    wrong = [
+        f"{scenes[i]}: {paths[j]} {error[i, j]:.2e} of {scale[i, j]:.2e}"
+        for i, j in np.argwhere(error > allowed)
+    ]
     assert not wrong, wrong
 
 

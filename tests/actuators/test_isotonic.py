@@ -56,7 +56,7 @@ def deviations(name, simulate=bench.simulated):
 def assert_rich(pressure, position, velocity, dry):
     """The run visits every regime that the comparison is to cover."""
     landed = np.flatnonzero((position == 0) & (np.arange(len(position)) > 400))
-    assert len(landed) > 10 and position[:400].max() > 0.04 and position[landed[-1]:].max() > 0.02
+    assert len(landed) > 10 and position[:400].max() > 0.04 and position[landed[-1] :].max() > 0.02
     supply = pressure / bench.CARDS["isotonic"]["supply_pressure"]
     ambient = bench.AMBIENT / pressure
     for ratio, flowing in ((supply, COMMAND > 1), (ambient, COMMAND < -1)):
@@ -67,13 +67,13 @@ def assert_rich(pressure, position, velocity, dry):
 
 def freshly_compiled():
     """`bench.simulate` as a function that no compiled version exists of."""
-    return eqx.filter_jit(lambda *arguments: bench.simulate(*arguments))
+    return eqx.filter_jit(lambda actuator, track, substeps: bench.simulate(actuator, track, substeps))
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_equals_oracle(name):
-    # From 64 to 128 steps a sample the model moves by up to 5e-4 of the range, because it meets the plate at the
-    # end of a step and the pressure depends on when the fall ends; the oracle, from 20 to 40, by up to 6e-5.
+    # From 64 to 128 steps a sample the model moves by up to 5e-4 of the range, because it meets the plate at
+    # the end of a step and the pressure depends on when the fall ends; the oracle, from 20 to 40, by 6e-5.
     pressure, position = deviations(name)
     assert pressure < 1e-3
     assert position < 1e-3
@@ -116,9 +116,7 @@ def test_lifts_off_when_the_force_reaches_the_weight():
     actuator = bench.model("isotonic")
     muscle, weight = actuator.muscle, actuator.mass * STANDARD_GRAVITY
     per_pascal = muscle.force(jnp.asarray(0.0), jnp.asarray(1.0), muscle.end_factor)
-    track = bench.track(
-        "isotonic", np.full(100, 0.5), pressure=bench.AMBIENT, position=0.0, velocity=0.0
-    )
+    track = bench.track("isotonic", np.full(100, 0.5), pressure=bench.AMBIENT, position=0.0, velocity=0.0)
     readings = bench.simulated(actuator, track, 16).readings
     moving = np.flatnonzero(readings["position"] > 0)[0]
     lift_off = bench.AMBIENT + weight / per_pascal

@@ -60,13 +60,13 @@ def deviations(name, simulate=bench.simulated):
 
 def freshly_compiled():
     """`bench.simulate` as a function that no compiled version exists of."""
-    return eqx.filter_jit(lambda *arguments: bench.simulate(*arguments))
+    return eqx.filter_jit(lambda actuator, track, substeps: bench.simulate(actuator, track, substeps))
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_equals_oracle(name):
-    # From 16 to 32 steps a sample the model moves by up to 1e-6 of the range, the oracle, from 5 to 10, by up to
-    # 2e-6.
+    # From 16 to 32 steps a sample the model moves by up to 1e-6 of the range, the oracle, from 5 to 10, by up
+    # to 2e-6.
     pressure, angle = deviations(name)
     assert pressure < 5e-6
     assert angle < 5e-6
@@ -96,7 +96,11 @@ def test_dry_friction_approaches_the_sharp_law(monkeypatch):
 
 @pytest.mark.parametrize(
     ("quantity", "path"),
-    [("end_factor", "muscle.end_factor"), ("inertia", "inertia"), ("regulator_frequency", "regulator.frequency")],
+    [
+        ("end_factor", "muscle.end_factor"),
+        ("inertia", "inertia"),
+        ("regulator_frequency", "regulator.frequency"),
+    ],
 )
 def test_sensitivity_equals_that_of_the_oracle(quantity, path):
     actuator, track = bench.model("joint", **DAMPED), bench.joint_track(COMMAND)
@@ -132,8 +136,9 @@ def torque(actuator, first, second, angle):
     return float(actuator.signals(state, Held(pressure, None, {})).load)
 
 
-def gains(l0=0.31, r0=0.007, radius=0.015, alpha=np.deg2rad(23), k=1.25, e0=0.1):
+def gains(l0=0.31, r0=0.007, radius=0.015, k=1.25, e0=0.1):
     """K1, K2, K3 of the antagonist section of [T]."""
+    alpha = np.deg2rad(23)
     a, b, area = 3 / np.tan(alpha) ** 2, 1 / np.sin(alpha) ** 2, np.pi * r0**2
     k1 = area * radius * (a * (1 - k * e0) ** 2 - b)
     k2 = area * radius * 2 * a * k * (1 - k * e0) * radius / l0

@@ -22,10 +22,13 @@ def gradient(*arguments):
 def difference(*arguments):
     steps = np.diag(1e-6 * np.abs(arguments) + 1e-12 * (np.asarray(arguments) == 0))
     values = np.asarray(arguments)
-    return np.array([
-        float(nozzle_flow(*map(jnp.asarray, values + s)) - nozzle_flow(*map(jnp.asarray, values - s))) / (2 * s.sum())
-        for s in steps
-    ])
+    return np.array(
+        [
+            float(nozzle_flow(*map(jnp.asarray, values + s)) - nozzle_flow(*map(jnp.asarray, values - s)))
+            / (2 * s.sum())
+            for s in steps
+        ]
+    )
 
 
 def test_choked_flow_of_air():
@@ -69,7 +72,9 @@ def test_is_continuous_where_its_form_changes(ratio):
 
 
 @pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("ratio", [0.3, CRITICAL_RATIO - 1e-3, CRITICAL_RATIO + 1e-3, 0.7, 0.998, 0.9995, 1.0])
+@pytest.mark.parametrize(
+    "ratio", [0.3, CRITICAL_RATIO - 1e-3, CRITICAL_RATIO + 1e-3, 0.7, 0.998, 0.9995, 1.0]
+)
 def test_slopes_equal_finite_differences(ratio, reverse):
     pressures = (ratio * UP, UP) if reverse else (UP, ratio * UP)
     point = (2e-6, *pressures, 293.15)
@@ -93,7 +98,9 @@ def test_slopes_through_a_closed_hole():
 
 
 def test_slopes_have_no_nan_in_a_batch_of_all_forms():
-    ratios = jnp.array([0.0001, CRITICAL_RATIO, 0.7, LAMINAR_RATIO, 1.0, 1 / LAMINAR_RATIO, 2.0, 1 / CRITICAL_RATIO])
+    ratios = jnp.array(
+        [0.0001, CRITICAL_RATIO, 0.7, LAMINAR_RATIO, 1.0, 1 / LAMINAR_RATIO, 2.0, 1 / CRITICAL_RATIO]
+    )
     for argument in range(4):
         slope = jax.grad(nozzle_flow, argnums=argument)
         batch = jax.vmap(slope, in_axes=(None, None, 0, None))(AREA, jnp.asarray(UP), ratios * UP, WARM)

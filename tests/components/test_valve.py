@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles.bench import built
 
 from jaxmuscle.components import FlowValve, PressureRegulator, nozzle_flow
 
-VALVE = FlowValve(2e-6, 7e-3, 5.0, 7e5)
+VALVE = built(FlowValve, 2e-6, 7e-3, 5.0, 7e5)
 AMBIENT, WARM = jnp.asarray(1e5), jnp.asarray(293.15)
 
 
@@ -35,7 +36,7 @@ def test_spool_settles_at_the_commanded_opening():
 
 
 def test_regulator_has_its_natural_frequency_and_damping():
-    regulator = PressureRegulator(12.0, 0.85)
+    regulator = built(PressureRegulator, 12.0, 0.85)
 
     def rates(state):
         return jnp.stack([state[1], regulator.acceleration(jnp.asarray(3e5), state[0], state[1])])
@@ -46,7 +47,7 @@ def test_regulator_has_its_natural_frequency_and_damping():
 
 
 def test_regulator_rests_at_its_command():
-    regulator = PressureRegulator(12.0, 0.85)
+    regulator = built(PressureRegulator, 12.0, 0.85)
     still = jnp.zeros(2)
     command = jnp.array([2e5, 3e5])
     np.testing.assert_array_equal(regulator.acceleration(command, command, still), 0.0)

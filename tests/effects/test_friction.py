@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import bench
+from oracles.bench import built
 
 from jaxmuscle.actuators import Held
 from jaxmuscle.effects import LoadFriction, ThreadFriction
@@ -52,6 +53,7 @@ def test_slopes_are_finite(driving, momentum, limit):
 
 def pressures_for(torque):
     """Gauge pressures about 2.5 bar that turn the bare joint at angle 0 with the given torque."""
+
     def load(difference):
         pressure = bench.AMBIENT + 2.5e5 + difference * jnp.array([1.0, -1.0])
         state = {"pressure": pressure, "pressure_rate": jnp.zeros(2), "angle": jnp.zeros(())}
@@ -92,7 +94,13 @@ def test_slides_with_the_excess_over_the_limit():
 
 def test_stops_after_the_distance_that_eats_the_kinetic_energy():
     actuator = replace(BENT, {"effects.load_friction.force": 2.0, "muscle.initial_radius": 1e-6})
-    track = bench.track("joint", np.full((300, 2), bench.AMBIENT), pressure=np.full(2, bench.AMBIENT), angle=0.0, angular_velocity=10.0)
+    track = bench.track(
+        "joint",
+        np.full((300, 2), bench.AMBIENT),
+        pressure=np.full(2, bench.AMBIENT),
+        angle=0.0,
+        angular_velocity=10.0,
+    )
     angle = bench.simulated(actuator, track, 4).readings["angle"]
     assert float(angle[-1]) == pytest.approx(0.5 * float(actuator.inertia) * 10.0**2 / 2.0, rel=1e-3)
 
@@ -116,7 +124,7 @@ def thread_situation(strain, velocity, gauge=3e5):
 
 
 def test_thread_friction_goes_from_static_to_kinetic():
-    friction = ThreadFriction(**bench.THREADS)
+    friction = built(ThreadFriction, **bench.THREADS)
     still, slow, fast = (float(friction.limit(thread_situation(0.1, v))) for v in (0.0, 0.15, 1e3))
     assert fast / still == pytest.approx(7.0)
     assert (slow - fast) / (still - fast) == pytest.approx(np.exp(-1))
@@ -125,18 +133,18 @@ def test_thread_friction_goes_from_static_to_kinetic():
 
 def test_thread_friction_at_rest_is_surface_times_pressure():
     # [T] 11: f S P, S = 2π r0 l0 at ε = 0.
-    friction = ThreadFriction(**bench.THREADS)
+    friction = built(ThreadFriction, **bench.THREADS)
     expected = 0.015 * 2 * np.pi * 0.007 * 0.3 * 3e5
     assert float(friction.limit(thread_situation(0.0, 0.0))) == pytest.approx(expected)
 
 
 def test_thread_friction_is_gone_without_pressure():
-    assert float(ThreadFriction(**bench.THREADS).limit(thread_situation(0.1, 0.2, gauge=-1e3))) == 0
+    assert float(built(ThreadFriction, **bench.THREADS).limit(thread_situation(0.1, 0.2, gauge=-1e3))) == 0
 
 
 def test_slope_of_the_thread_friction_at_reversal_is_finite():
     def limit(velocity):
-        return ThreadFriction(**bench.THREADS).limit(thread_situation(0.1, velocity))
+        return built(ThreadFriction, **bench.THREADS).limit(thread_situation(0.1, velocity))
 
     slopes = jax.vmap(jax.grad(limit))(jnp.array([-1e-9, 0.0, 1e-9]))
     assert np.isfinite(slopes).all()
@@ -144,5 +152,9 @@ def test_slope_of_the_thread_friction_at_reversal_is_finite():
 
 
 def test_load_friction_is_constant():
-    friction = LoadFriction(force=16.0)
-    assert float(friction.limit(thread_situation(0.1, 0.0))) == float(friction.limit(thread_situation(0.2, 3.0))) == 16
+    friction = built(LoadFriction, force=16.0)
+    assert (
+        float(friction.limit(thread_situation(0.1, 0.0)))
+        == float(friction.limit(thread_situation(0.2, 3.0)))
+        == 16
+    )

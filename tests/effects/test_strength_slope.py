@@ -1,4 +1,4 @@
-"""The slope of every effect over its strength at zero: finite, and what the difference to a small strength says."""
+"""The slope of every effect over its strength at zero: finite, and equal to one-sided differences."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from oracles import bench
 
-from jaxmuscle.effects import BY_NAME, CATALOGUE, AbstractMemoryEffect, AbstractRateEffect, AbstractStaticEffect
+from jaxmuscle.effects import (
+    BY_NAME,
+    CATALOGUE,
+    AbstractMemoryEffect,
+    AbstractRateEffect,
+    AbstractStaticEffect,
+)
 from jaxmuscle.effects.base import AbstractFrictionEffect
 from jaxmuscle.signals import Past, Signals
 
@@ -69,7 +75,9 @@ def test_slope_at_zero_strength(name, velocity):
     # One-sided, second order, since some strengths have no other side; the bend of the sharpest (a lag of
     # 0.5 µs against a step of 2 ms) is of the order of the squared step.
     difference = (4 * half - whole) / 1e-4
-    np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-6 * max(1e-12, float(np.abs(slope).max())))
+    np.testing.assert_allclose(
+        slope, difference, rtol=1e-5, atol=1e-6 * max(1e-12, float(np.abs(slope).max()))
+    )
 
 
 @pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])

@@ -65,7 +65,9 @@ def outcome(actuator, rig, state, table, noise):
     situation = held(rig, table, memory)
     state = {**state, "effects": states}
     rates = actuator.vector_field(state, situation)
-    return {n: r for n, r in rates.items() if n != "effects"}, actuator.readings(actuator.signals(state, situation))
+    return {n: r for n, r in rates.items() if n != "effects"}, actuator.readings(
+        actuator.signals(state, situation)
+    )
 
 
 def assert_identical(left, right):

@@ -40,10 +40,17 @@ CARDS = {
         "inertia": 0.04,
     },
 }
+
+
+def built(kind, *values, **named):
+    """A component, machine or effect from plain numbers: its converters make the arrays of its fields."""
+    return kind(*values, **named)
+
+
 BLANKS = {
-    "isotonic": Isotonic(FlowValve(1, 1, 1, 1), McKibben(1, 1, 1, 1), 1),
-    "driven": Driven(McKibben(1, 1, 1, 1)),
-    "joint": Joint(PressureRegulator(1, 1), McKibben(1, 1, 1, 1), 1, 1, 0),
+    "isotonic": built(Isotonic, built(FlowValve, 1, 1, 1, 1), built(McKibben, 1, 1, 1, 1), 1),
+    "driven": built(Driven, built(McKibben, 1, 1, 1, 1)),
+    "joint": built(Joint, built(PressureRegulator, 1, 1), built(McKibben, 1, 1, 1, 1), 1, 1, 0),
 }
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.105, "velocity_constant": 0.15}
 BLADDER = {"stiffness": 900.0, "threshold_pressure": 3.8e4}

@@ -1,7 +1,9 @@
 """Rig `driven` on one page: the force follows from the imposed pressure and contraction, sample by sample."""
 
+from itertools import pairwise
+
 import numpy as np
-from oracles.muscle import corrected_force, moved, thread_limit, THRESHOLDS
+from oracles.muscle import THRESHOLDS, corrected_force, moved, thread_limit
 
 
 def driven(card, effects, pressure, contraction, velocity):
@@ -18,7 +20,7 @@ def driven(card, effects, pressure, contraction, velocity):
 def lagged(force, step, time_constant, substeps):
     """τ dy/dt = F - y by fixed Heun steps, the force linear between its samples and y(0) = F(0)."""
     h, y, samples = step / substeps, force[0], [force[0]]
-    for before, after in zip(force[:-1], force[1:], strict=True):
+    for before, after in pairwise(force):
         for sub in range(substeps):
             here = before + (after - before) * sub / substeps
             there = before + (after - before) * (sub + 1) / substeps

@@ -21,7 +21,7 @@ def nozzle(area, upstream, downstream, temperature):
 
 
 def isotonic(card, effects, command, step, pressure, substeps):
-    """Pressure, position, velocity at the samples, from the plate with the valve shut and `pressure` inside."""
+    """Pressure, position, velocity at the samples, from rest on the plate with the valve shut."""
     temperature, ambient, mass = card["gas_temperature"], card["ambient_pressure"], card["mass"]
     guide = effects.get("load_friction", {}).get("force", 0.0)
     damping = effects.get("load_damping", {}).get("coefficient", 0.0)
@@ -41,12 +41,14 @@ def isotonic(card, effects, command, step, pressure, substeps):
         volume, slope = cylinder(card, x)
         driving, limit = loads(p, x, v)
         inflow = GAS * temperature * flow
-        return np.array([
-            (u / card["full_command"] - o) / card["valve_time_constant"],
-            card["polytropic_exponent"] * (inflow - p * slope * v) / volume,
-            v,
-            (driving - sense * limit) / mass if sense is not None else 0.0,
-        ])
+        return np.array(
+            [
+                (u / card["full_command"] - o) / card["valve_time_constant"],
+                card["polytropic_exponent"] * (inflow - p * slope * v) / volume,
+                v,
+                (driving - sense * limit) / mass if sense is not None else 0.0,
+            ]
+        )
 
     def after(state, h, u, sense):
         k1 = rates(state, u, sense)

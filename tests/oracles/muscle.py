@@ -34,7 +34,7 @@ def contact(card, strain):
 
 
 def corrected_force(card, effects, strain, gauge, plays):
-    """Static force with the pressure-dependent ends, the bladder, its wall and the hysteresis that are declared."""
+    """Static force with the declared ones of: ends, bladder, wall of the bladder, hysteresis."""
     k = card["end_factor"]
     force = schulte_force(card, strain, gauge, k)
     if ends := effects.get("pressure_dependent_ends"):
@@ -53,7 +53,7 @@ def corrected_force(card, effects, strain, gauge, plays):
 
 
 def hysteresis(card, loop, strain, gauge, plays):
-    """w π r0² P h (1 + s h): h from -1 to 1, the mean of the stops ε - F_r weighted by exp(-r/ρ)."""
+    """Force w π r0² P h (1 + s h) of the loop; h: mean of the stops ε - F_r under exp(-r/ρ), -1 to 1."""
     weights = [exp(-r / loop["density_width"]) for r in THRESHOLDS]
     stops = [strain - z for z in moved(plays, strain)]
     full = sum(w * r for w, r in zip(weights, THRESHOLDS, strict=True))

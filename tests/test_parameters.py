@@ -1,0 +1,140 @@
+"""Parameters by name: table, units, replacement, and the messages for a wrong path."""
+
+import dataclasses
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pint
+import pytest
+from oracles import bench
+
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.parameters import describe, get, parameter, parameters, replace
+from jaxmuscle.signals import SLOTS
+
+UNITS = pint.UnitRegistry()
+FULL = {rig: bench.model(rig, [effect.name for effect in bench.offered(rig)]) for rig in RIGS}
+EVERY = [(rig, entry) for rig, model in FULL.items() for entry in parameters(model).values()]
+IDS = [f"{rig}:{entry.path}" for rig, entry in EVERY]
+
+
+class Part(eqx.Module):
+    """A part with one parameter."""
+
+    size: Any = parameter("m", "how large it is", positive=True)
+
+
+class Whole(eqx.Module):
+    """Parts under a name and in a table."""
+
+    part: Part
+    parts: dict[str, Part]
+    load: Any = parameter("{load}/s", "how fast it grows", default=0.0, nonnegative=True, typical=2.0)
+    note: str = "no parameter"
+
+    units: ClassVar = {"load": "N m"}
+
+
+def whole():
+    return Whole(Part(1), {"left": Part(2.0)})
+
+
+def test_walks_modules_and_tables_in_order():
+    assert list(parameters(whole())) == ["part.size", "parts.left.size", "load"]
+
+
+def test_entries_carry_what_was_declared():
+    size, load = parameters(whole())["part.size"], parameters(whole())["load"]
+    assert (size.unit, size.meaning, size.positive, size.nonnegative) == ("m", "how large it is", True, False)
+    assert (load.unit, load.nonnegative, load.typical) == ("N m/s", True, 2.0)
+
+
+def test_values_are_double_precision_arrays():
+    for entry in parameters(whole()).values():
+        assert entry.value.dtype == jnp.float64 and entry.value.shape == ()
+
+
+def test_describe_is_a_table_by_path():
+    table = describe(whole())
+    assert list(table.columns) == ["value", "unit", "meaning"]
+    assert table.loc["parts.left.size", "value"] == 2.0
+    assert table.loc["load", "unit"] == "N m/s"
+
+
+def test_replace_leaves_the_original_alone():
+    original = whole()
+    changed = replace(original, {"parts.left.size": 7, "load": 0.5})
+    assert float(get(changed, "parts.left.size")) == 7.0 and float(get(changed, "load")) == 0.5
+    assert float(get(original, "parts.left.size")) == 2.0 and float(get(original, "load")) == 0.0
+    assert get(changed, "parts.left.size").dtype == jnp.float64
+    assert float(get(changed, "part.size")) == 1.0
+
+
+def test_replace_of_nothing_changes_nothing():
+    assert eqx.tree_equal(replace(whole(), {}), whole())
+
+
+@pytest.mark.parametrize("path", ["part.sise", "parts.right.size", "load.part", "nothing"])
+def test_wrong_path_is_named(path):
+    with pytest.raises(KeyError, match=path):
+        get(whole(), path)
+    with pytest.raises(KeyError, match=path):
+        replace(whole(), {path: 1.0})
+
+
+@pytest.mark.parametrize(("rig", "entry"), EVERY, ids=IDS)
+def test_every_parameter_has_a_unit_and_a_meaning(rig, entry):
+    assert "{" not in entry.unit
+    UNITS.parse_units(entry.unit)
+    assert entry.meaning.strip() and "\n" not in entry.meaning
+    assert np.ndim(entry.value) == 0
+    assert not (entry.positive and float(entry.value) <= 0)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_units_depend_on_the_rig(rig):
+    entries = parameters(FULL[rig])
+    if "effects.load_friction.force" in entries:
+        expected = {"isotonic": "newton", "joint": "newton * meter"}[rig]
+        assert UNITS.parse_units(entries["effects.load_friction.force"].unit) == UNITS.parse_units(expected)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_slots_have_units(rig):
+    for slot in SLOTS:
+        if {"{command}": "command", "{load}": "load"}.get(slot.unit, "load") in RIGS[rig].units:
+            UNITS.parse_units(slot.unit.format(**RIGS[rig].units))
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_quantities_of_a_card_are_the_parameters_of_the_machine(rig):
+    assert set(RIGS[rig].quantities.values()) == set(parameters(bench.model(rig)))
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_effects_say_what_they_are(effect):
+    own = [field.name for field in dataclasses.fields(effect)]
+    assert effect.strength in own
+    assert effect.slot in SLOTS
+    assert effect.source.strip() and effect.__doc__.strip()
+    assert effect.name == effect.name.lower() and " " not in effect.name
+    for start in effect.starts:
+        assert set(start) <= set(own)
+    assert any(rig.offers(effect) for rig in RIGS.values())
+
+
+def test_names_of_effects_are_unique():
+    names = [effect.name for effect in CATALOGUE]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_with_and_without_effects(rig):
+    bare = bench.model(rig)
+    name = bench.offered(rig)[0].name
+    carrying = bare.with_effects(**{name: BY_NAME[name](**{})})
+    assert list(carrying.effects) == [name] and not bare.effects
+    assert eqx.tree_equal(carrying.without_effects(name), bare)
