@@ -1,4 +1,4 @@
-"""Fixed-length recordings of Festo 10 mm muscles (Portland State University), as recordings of the rig `driven`.
+"""Fixed-length recordings of Festo 10 mm muscles (Portland State University) for the rig `driven`.
 
 The raw files have their quirks (see SOURCE.txt beside them): the columns of the 257 mm muscle are swapped
 and scaled by each other's calibration, the load cell saturates when the muscle is slack, the pressure
@@ -137,5 +137,7 @@ def _binned(samples: tuple[Series, Series, Series]) -> tuple[Series, Series, Ser
     last = number.max()
     count = np.bincount(number, minlength=last + 1)
     full = np.flatnonzero(count > 0)
-    means = [np.bincount(number, v, minlength=last + 1)[full] / count[full] for v in (pressure, force)]
-    return BIN * full, means[0], means[1]
+    pressure, force = (
+        np.bincount(number, values, minlength=last + 1)[full] / count[full] for values in (pressure, force)
+    )
+    return full * np.float64(BIN), pressure, force

@@ -29,7 +29,9 @@ OTHERS = ("10", "15", "30")
 def settled_errors(found: Diagnosis, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the declared and of the final model at the given rows [N]."""
     measured = found.recording.columns["force"][rows]
-    return tuple(np.maximum(p["force"][rows], 0) - measured for p in (found.traces.before, found.traces.after))
+    return tuple(
+        np.maximum(p["force"][rows], 0) - measured for p in (found.traces.before, found.traces.after)
+    )
 
 
 def rms(values: np.ndarray) -> float:
@@ -48,10 +50,20 @@ def lengths_left_out(root: Any, muscle: str, say: Any) -> dict[str, Any]:
         out = data.length == number
         found = diagnose(data.recording, held_out=out, ignored=data.slack)
         one, two = settled_errors(found, out & data.settled)
-        say(f"  {MUSCLES[muscle]}, length {number} left out: {rms(one):.1f} -> {rms(two):.1f} N, {summary(found)['effects']}")
+        say(
+            f"  {MUSCLES[muscle]}, length {number} left out: {rms(one):.1f} -> {rms(two):.1f} N, "
+            f"{summary(found)['effects']}"
+        )
         before.append(one)
         after.append(two)
-        folds.append({"length_mm": 1e3 * psu.LENGTHS[muscle][number], "before": rms(one), "after": rms(two), **summary(found)})
+        folds.append(
+            {
+                "length_mm": 1e3 * psu.LENGTHS[muscle][number],
+                "before": rms(one),
+                "after": rms(two),
+                **summary(found),
+            }
+        )
     return {"before": rms(np.concatenate(before)), "after": rms(np.concatenate(after)), "folds": folds}
 
 
@@ -61,7 +73,10 @@ def muscles_left_out(root: Any, say: Any) -> dict[str, dict[str, Any]]:
     result = {}
     for muscle in MUSCLES:
         one, two = settled_errors(found, (data.muscle == muscle) & data.settled)
-        say(f"  {MUSCLES[muscle]} from other muscles: {rms(one):.1f} -> {rms(two):.1f} N, {summary(found)['effects']}")
+        say(
+            f"  {MUSCLES[muscle]} from other muscles: {rms(one):.1f} -> {rms(two):.1f} N, "
+            f"{summary(found)['effects']}"
+        )
         result[muscle] = {"before": rms(one), "after": rms(two), **summary(found)}
     return result
 
@@ -85,12 +100,21 @@ def main() -> int:
             empirical, better, worse = PUBLISHED[muscle]
             ok = outcome["after"] <= GOALS[muscle]
             rows.append(
-                {"figure": f"{name}, protocol {protocol}", "goal": GOALS[muscle], "ours": outcome["after"], "ok": ok,
-                 "published": [empirical, better, worse], **outcome}
-            )  # fmt: skip
+                {
+                    "figure": f"{name}, protocol {protocol}",
+                    "goal": GOALS[muscle],
+                    "ours": outcome["after"],
+                    "ok": ok,
+                    "published": [empirical, better, worse],
+                    **outcome,
+                }
+            )
     print(f"\n{'held out':24s} {'before':>8s} {'after':>8s} {'goal':>6s}   published (empirical, two models)")
     for row in rows:
-        print(f"{row['figure']:24s} {row['before']:8.1f} {row['after']:8.1f} {row['goal']:6.0f}   {row['published']}")
+        print(
+            f"{row['figure']:24s} {row['before']:8.1f} {row['after']:8.1f} {row['goal']:6.0f}   "
+            f"{row['published']}"
+        )
     if arguments.json:
         reached = sum(row["ok"] for row in rows)
         print(json.dumps({"benchmark": "real_static_force", "rows": rows, "reached": reached, "of": len(rows),

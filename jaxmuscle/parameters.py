@@ -119,11 +119,18 @@ def _walk(node: Any, prefix: str, units: Mapping[str, str]) -> Iterator[Paramete
         child = getattr(node, field.name)
         meta = field.metadata
         if "unit" in meta:
-            unit = meta["unit"].format(**units) if "{" in meta["unit"] else meta["unit"]
+            unit = meta["unit"].format_map(_Units(units))
             how = {key: meta[key] for key in ("positive", "nonnegative", "typical")}
             yield Parameter(prefix + field.name, child, unit, meta["meaning"], **how)
         elif isinstance(child, eqx.Module | Mapping):
             yield from _walk(child, f"{prefix}{field.name}.", units)
+
+
+class _Units(dict[str, str]):
+    """Units of a rig; a template without a rig stays as it is."""
+
+    def __missing__(self, key: str) -> str:
+        return "{" + key + "}"
 
 
 def _plain(value: Any) -> Any:

@@ -38,19 +38,22 @@ class Past(eqx.Module):
 
     A delay that is no multiple of the sampling step gives the mean of the delayed command over the
     interval, so that the value is continuous in the delay and has a one-sided derivative at zero.
+    Before row `first` the command was what it is there.
     """
 
     table: Float[Array, "samples *muscles"]
     row: Array
     step: Float[Array, ""]
+    first: Array | int = 0
 
     def __call__(self, delay: Float[Array, ""]) -> Muscles:
+        """The command that acts now if it comes `delay` [s] late."""
         lag = delay / self.step
         whole = jnp.floor(lag)
         part = lag - whole
         row = self.row - whole.astype(int)
-        later = self.table[jnp.maximum(row, 0)]
-        earlier = self.table[jnp.maximum(row - 1, 0)]
+        later = self.table[jnp.maximum(row, self.first)]
+        earlier = self.table[jnp.maximum(row - 1, self.first)]
         return (1 - part) * later + part * earlier
 
 

@@ -20,7 +20,7 @@ ORDER = (
     "effects",
     "actuators",
     "chebyshev",
-    "simulate",
+    "simulation",
     "recordings",
     "fitting",
     "diagnosis",
@@ -32,7 +32,7 @@ ORDER = (
 """Each imports only from those before it, and from within itself."""
 ON_THE_SIDE = {"samples": {"errors"}}
 """Data and the like that any may import, and what they may import themselves."""
-DOORS = {"diffrax": {"simulate.py", "chebyshev.py"}, "optimistix": {"fitting/fit.py"}}
+DOORS = {"diffrax": {"simulation.py", "chebyshev.py"}, "optimistix": {"fitting/fit.py"}}
 """Libraries that only these modules may import."""
 FILES = sorted(path for path in ROOT.rglob("*.py"))
 INNER = [path for path in FILES if path != ROOT / "__init__.py"]

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 from jaxtyping import Array
@@ -54,17 +54,17 @@ class AbstractActuator(eqx.Module):
         largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
     """
 
-    rig: eqx.AbstractClassVar[str]
-    units: eqx.AbstractClassVar[Mapping[str, str]]
-    quantities: eqx.AbstractClassVar[Mapping[str, str]]
-    commands: eqx.AbstractClassVar[tuple[str, ...]]
-    measured: eqx.AbstractClassVar[Mapping[str, tuple[str, ...]]]
-    derivatives: eqx.AbstractClassVar[Mapping[str, str]]
-    imposed: eqx.AbstractClassVar[tuple[str, ...]]
-    outputs: eqx.AbstractClassVar[Mapping[str, tuple[str, ...]]]
-    links: eqx.AbstractClassVar[tuple[Link, ...]]
-    available: eqx.AbstractClassVar[frozenset[str]]
-    largest_step: eqx.AbstractClassVar[float]
+    rig: ClassVar[str]
+    units: ClassVar[Mapping[str, str]]
+    quantities: ClassVar[Mapping[str, str]]
+    commands: ClassVar[tuple[str, ...]]
+    measured: ClassVar[Mapping[str, tuple[str, ...]]]
+    derivatives: ClassVar[Mapping[str, str]]
+    imposed: ClassVar[tuple[str, ...]]
+    outputs: ClassVar[Mapping[str, tuple[str, ...]]]
+    links: ClassVar[tuple[Link, ...]]
+    available: ClassVar[frozenset[str]]
+    largest_step: ClassVar[float]
     effects: eqx.AbstractVar[dict[str, AbstractEffect]]
 
     @abc.abstractmethod

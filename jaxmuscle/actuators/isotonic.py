@@ -110,7 +110,9 @@ class Isotonic(AbstractActuator):
         signals = self.signals(state, held)
         n = self.polytropic_exponent
         volume = self.muscle.volume(signals.contraction)
-        volume_rate = self.muscle.volume_slope(signals.contraction) * signals.velocity
+        # The plate stops the mass within a step, so the volume must not follow it below.
+        velocity = jnp.where(signals.position <= 0, jnp.maximum(signals.velocity, 0.0), signals.velocity)
+        volume_rate = self.muscle.volume_slope(signals.contraction) * velocity
         inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
         acceleration = signals.load / self.mass
         held_by_plate = (signals.position <= 0) & (acceleration < 0)

@@ -12,7 +12,7 @@ GAS_CONSTANT = 287.0
 CRITICAL_RATIO = (2 / (GAMMA + 1)) ** (GAMMA / (GAMMA - 1))
 """Pressure ratio at and below which the flow is choked, 0.5283 [-]."""
 LAMINAR_RATIO = 0.999
-"""Above this pressure ratio the flow is linear in the pressure difference, as in the laminar range of ISO 6358."""
+"""Above this pressure ratio the flow is linear in the pressure difference (laminar range of ISO 6358)."""
 
 Value = Float[Array, "..."]
 

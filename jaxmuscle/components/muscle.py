@@ -39,12 +39,13 @@ class McKibben(eqx.Module):
         return jnp.pi * self.initial_radius**2 * gauge_pressure * (a * shortened**2 - b)
 
     def swelling(self, length_ratio: Value) -> Value:
-        r"""Radius over initial radius, [T] equation 3: :math:`r/r_0 = \sqrt{1 - \cos^2α_0 (l/l_0)^2}/\sinα_0`."""
+        r"""Radius ratio, [T] equation 3: :math:`r/r_0 = \sqrt{1 - \cos^2α_0 (l/l_0)^2}/\sinα_0`."""
         return jnp.sqrt(self._sine_squared(length_ratio)) / jnp.sin(self.braid_angle)
 
     def volume(self, contraction: Value) -> Value:
         r"""Plain cylinder, [T] equation 3: :math:`V = π r^2 l`, :math:`l = l_0 (1 - ε)`,
-        :math:`r = r_0 \sqrt{1 - \cos^2α_0 (1 - ε)^2}/\sinα_0`. Contraction [m]; volume [m^3]."""
+        :math:`r = r_0 \sqrt{1 - \cos^2α_0 (1 - ε)^2}/\sinα_0`. Contraction [m]; volume [m^3].
+        """
         ratio = 1 - self.strain(contraction)
         radius_squared = self.initial_radius**2 * self._sine_squared(ratio) / jnp.sin(self.braid_angle) ** 2
         return jnp.pi * radius_squared * self.initial_length * ratio

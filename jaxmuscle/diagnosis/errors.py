@@ -21,8 +21,6 @@ def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
     """Predictions of every column from the command alone, window by window, on the recording's clock."""
     windows = case.windows
     found = {}
-    for output, names in model.outputs.items():
-        found.update(dict.fromkeys(names, np.full(len(case.recording), np.nan)))
     inside = windows.rows[:, None] + np.arange(windows.samples)
     for output, values in _chain_predictions(model, case.problem).items():
         table = np.asarray(values).reshape(*values.shape[:2], -1)

@@ -63,6 +63,6 @@ def compare(before: Losses, after: Losses) -> Evidence:
     informative = difference[np.abs(difference) > 1e-9]
     if len(informative) == 0:
         return Evidence(0.0, 1.0, loss)
-    p_value = float(stats.wilcoxon(informative, alternative="greater").pvalue)
+    p_value = float(stats.wilcoxon(informative, alternative="greater").pvalue)  # pyright: ignore
     excess = (before - NOISE).sum()
     return Evidence(float(difference.sum() / excess) if excess > 0 else 0.0, p_value, loss)

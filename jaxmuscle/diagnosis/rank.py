@@ -68,7 +68,7 @@ def rank(
     place = _by_motion(problem) % FOLDS
 
     def on(fold: int) -> _Fold:
-        return _Fold(bench, tuple(accepted), problem, place == fold, model)
+        return _Fold(bench, tuple(accepted), problem, np.equal(place, fold), model)
 
     with ThreadPoolExecutor(FOLDS) as pool:
         folds = list(pool.map(on, range(FOLDS)))

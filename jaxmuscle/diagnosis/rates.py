@@ -16,7 +16,7 @@ from jaxmuscle.fitting.case import Case
 from jaxmuscle.recordings.smooth import noise_level, smooth
 from jaxmuscle.recordings.units import column_unit
 from jaxmuscle.signals import Past
-from jaxmuscle.simulate import Track, observe
+from jaxmuscle.simulation import Track, observe
 
 Series = NDArray[np.float64]
 Arrays = dict[str, Array]
@@ -47,7 +47,7 @@ def _evaluate(model: AbstractActuator, track: Track, samples: int):
 
     def instant(row, start):
         state = {**start.state, **track.at(row)}
-        past = Past(track.command, row, track.step) if model.commands else None
+        past = Past(track.command, row, track.step, track.first(row)) if model.commands else None
         held = Held(track.command[row], past, start.memory)
         signals = model.signals(state, held)
         return model.vector_field(state, held), model.readings(signals)

@@ -1,4 +1,4 @@
-"""Something is missing: on which variables does it depend? A nonparametric term on a signal, no guess at its cause."""
+"""Something is missing: on which variables does it depend? A nonparametric term, no guess at its cause."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) ->
     chosen: tuple[str, ...] = ()
     best = 0.0
     while len(chosen) < MOST:
-        trials = {
+        trials: dict[tuple[str, ...], float] = {
             (*chosen, name): _explained(missing, named, (*chosen, name), rows, fold)
             for name in named
             if name not in chosen
         }
         if not trials:
             break
-        candidate = max(trials, key=lambda names: trials[names])
+        candidate = max(trials, key=trials.__getitem__)
         if trials[candidate] < best + WORTHWHILE:
             break
         chosen, best = candidate, trials[candidate]

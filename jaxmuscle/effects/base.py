@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,12 +30,12 @@ class AbstractEffect(eqx.Module):
         source: where the equation comes from.
     """
 
-    name: eqx.AbstractClassVar[str]
-    slot: eqx.AbstractClassVar[Slot]
-    reads: eqx.AbstractClassVar[frozenset[str]]
-    strength: eqx.AbstractClassVar[str]
-    starts: eqx.AbstractClassVar[tuple[Mapping[str, float], ...]]
-    source: eqx.AbstractClassVar[str]
+    name: ClassVar[str]
+    slot: ClassVar[Slot]
+    reads: ClassVar[frozenset[str]]
+    strength: ClassVar[str]
+    starts: ClassVar[tuple[Mapping[str, float], ...]]
+    source: ClassVar[str]
 
 
 class AbstractStaticEffect(AbstractEffect):
@@ -163,6 +163,3 @@ def updated_memories(effects: Effects, memories: States, signals: Signals, step:
         for n, e in effects.items()
         if isinstance(e, AbstractMemoryEffect)
     }
-
-
-NO_STARTS: ClassVar = ({},)

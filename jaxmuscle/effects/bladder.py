@@ -28,9 +28,7 @@ class BladderStiffness(AbstractStaticEffect):
     source: ClassVar = "elastic bladder, as in Chou and Hannaford's dead-zone"
 
     stiffness: Scalar = parameter("N", "force per unit of contraction ratio", default=0.0)
-    threshold_pressure: Scalar = parameter(
-        "Pa", "pressure taken up by the bladder", default=0.0, typical=2e4
-    )
+    threshold_pressure: Scalar = parameter("Pa", "pressure taken up by the bladder", default=0.0, typical=2e4)
 
     def value(self, signals: Signals) -> Array:
         muscle = signals.muscle
@@ -45,7 +43,8 @@ class BladderHoopStiffness(AbstractStaticEffect):
               q = \frac{r}{r_0} = \frac{\sqrt{1 - \cos^2α_0\,z^2}}{\sinα_0}
 
     From the energy ½ EA l0 (q - 1)² of a thin elastic tube of wall cross-section A and modulus E, with
-    the braid kinematics of [T] equation 3: ΔF = -dW/d(contraction). The radius grows cot²α0 times as fast
+    the braid kinematics of [T] equation 3: ΔF = -dW/d(contraction) at k = 1; as in [T] equation 7 the conic
+    ends then replace ε by kε. The radius grows cot²α0 times as fast
     as the length falls, so the force drops steeply over the first per cent of contraction and levels off.
     """
 

@@ -22,7 +22,7 @@ def play(
     value: Float[Array, "... 1"],
     threshold: NDArray[np.float64] | Float[Array, " operators"],
 ) -> Float[Array, "... operators"]:
-    r"""Play operator, exact at any step size: :math:`F = \max(v - r, \min(v + r, F^-))`. [W] text before (1)."""
+    r"""Play operator, exact at any step size: :math:`F = \max(v - r, \min(v + r, F^-))`, [W] before (1)."""
     return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
 
 

@@ -1,0 +1,1 @@
+"""Fitting parameters through the simulation by least squares."""

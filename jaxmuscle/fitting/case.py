@@ -62,7 +62,7 @@ def case(
     actuator = actuator_from_card(card)
     mask = _mask(held_out, len(recording))
     stretches = _stretches(mask, recording.breaks)
-    prepared = observed(actuator, recording, card.noise, tuple(np.flatnonzero(np.diff(mask)) + 1))
+    prepared = observed(actuator, recording, card.noise, tuple((np.flatnonzero(np.diff(mask)) + 1).tolist()))
     windows = cut(actuator, stretches, recording.step, card.horizon)
     if ignored is not None:
         windows = windows.ignoring(ignored)

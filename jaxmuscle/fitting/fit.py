@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,14 +18,14 @@ from jaxmuscle.fitting.free import Free
 from jaxmuscle.fitting.problem import Problem, residuals
 
 TOLERANCE = 1e-3
-"""Relative change of cost and of coordinates (in prior deviations) at which a fit ends."""
-STEPS = 12
-"""Levenberg-Marquardt steps of one call; longer fits call again from where they are."""
+"""Relative fall of the cost over one accepted step at which a fit ends."""
+REJECTIONS = 8
+"""Steps rejected in a row after which a fit ends: the trust region has shrunk by 4 to that power."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Minimum:
-    """Where a fit ended: coordinates z of all parameters, cost (half the sum of squares), whether it converged."""
+    """Where a fit ended: coordinates z of all parameters, cost (half the sum of squares), convergence."""
 
     z: NDArray[np.float64]
     cost: float
@@ -38,7 +39,8 @@ def minimise(
     """Levenberg-Marquardt over the entries `chosen` of `free`, in forward mode.
 
     The number of tangents is always `width`, padded with coordinates that do nothing, so that fits of
-    different parameters of one model share one compilation.
+    different parameters of one model share one compilation. A fit that does not converge within `steps`
+    steps says so and keeps the best point.
 
     Raises:
         ValueError: more entries are chosen than `width`.
@@ -47,26 +49,62 @@ def minimise(
         raise ValueError(f"{len(chosen)} parameters are free, but the fit was laid out for {width}")
     select = np.zeros((len(free.paths), width))
     select[chosen, np.arange(len(chosen))] = 1.0
-    y = jnp.zeros(width)
-    taken, done, cost = 0, False, np.inf
-    while taken < steps and not done:
-        y, new_cost, count, converged = _solve(model, problem, free, jnp.asarray(select), y)
-        taken += int(count)
-        done = bool(converged) or float(new_cost) > (1 - TOLERANCE) * cost
-        cost = float(new_cost)
-    return Minimum(select @ np.asarray(y), cost, done and np.isfinite(cost), taken)
+    start = max(float(_cost(model, problem, free)), 1e-300)
+    y, relative, taken, converged = _solve(
+        model, problem, free, jnp.asarray(select), jnp.asarray(steps), jnp.asarray(start)
+    )
+    cost = start * float(relative)
+    return Minimum(select @ np.asarray(y), cost, bool(converged) and bool(np.isfinite(cost)), int(taken))
 
 
 @eqx.filter_jit
-def _solve(model: AbstractActuator, problem: Problem, free: Free, select: Array, y: Array):
-    def stacked(y: Array, _: None) -> Array:
-        return residual_vector(model, problem, free, select @ y)
+def _cost(model: AbstractActuator, problem: Problem, free: Free) -> Array:
+    """Half the sum of squares at z = 0."""
+    return 0.5 * (residual_vector(model, problem, free, jnp.zeros(len(free.paths))) ** 2).sum()
+
+
+@eqx.filter_jit
+def _solve(
+    model: AbstractActuator, problem: Problem, free: Free, select: Array, limit: Array, start: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Run optimistix's solver step by step: its own test waits for every coordinate, even one without effect.
+
+    The residuals are divided by their norm at the start: the damping begins at 1, which against the
+    sensitivities of a wrong model in units of the sensors' noise is nothing, and a dozen steps would be
+    rejected before it counts.
+    """
+    unit = jnp.sqrt(2 * start)
+
+    def stacked(y: Array, _: None) -> tuple[Array, None]:
+        return residual_vector(model, problem, free, select @ y) / unit, None
 
     solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
-    solution = optx.least_squares(stacked, solver, y, max_steps=STEPS, throw=False, options={"jac": "fwd"})
-    cost = 0.5 * (solution.state.f_info.residual**2).sum()
-    converged = solution.result == optx.RESULTS.successful
-    return solution.value, cost, solution.stats["num_steps"], converged
+    options, tags = {"jac": "fwd"}, frozenset()
+    y = jnp.zeros(select.shape[1])
+    fn = eqx.filter_closure_convert(stacked, y, None)
+    shape, aux = jax.eval_shape(fn, y, None)
+    first: Any = solver.init(fn, y, None, options, shape, aux, tags)
+    moving, fixed = eqx.partition(first, eqx.is_array)
+
+    def cost(state: Any) -> Array:
+        return (state.f_info.residual**2).sum()
+
+    def going(carry: tuple[Array, Any, Array]) -> Array:
+        _, state, settled = carry
+        tired = state.num_steps_since_acceptance >= REJECTIONS
+        return (state.num_steps < limit) & ~settled & ~tired
+
+    def step(carry: tuple[Array, Any, Array]) -> tuple[Array, Any, Array]:
+        y, moving, _ = carry
+        before = eqx.combine(moving, fixed)
+        y, after, _ = solver.step(fn, y, None, options, before, tags)  # pyright: ignore
+        accepted = (after.num_accepted_steps > before.num_accepted_steps) & (before.num_accepted_steps > 0)
+        settled = accepted & (cost(after) > (1 - TOLERANCE) * cost(before))
+        return y, eqx.partition(after, eqx.is_array)[0], settled
+
+    y, moving, settled = jax.lax.while_loop(going, step, (y, moving, jnp.asarray(False)))
+    tired = moving.num_steps_since_acceptance >= REJECTIONS
+    return y, cost(moving), moving.num_steps, settled | tired
 
 
 def residual_vector(model: AbstractActuator, problem: Problem, free: Free, z: Array) -> Array:

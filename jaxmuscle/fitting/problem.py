@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 from jaxmuscle.actuators.base import AbstractActuator, Link
 from jaxmuscle.fitting.windows import Windows
 from jaxmuscle.recordings.track import Observed
-from jaxmuscle.simulate import Start, Track, observe, predict
+from jaxmuscle.simulation import Start, Track, observe, predict
 
 BROKEN = 1e4
 """Residual that stands for a prediction that is not a number: large, but no end to the fit."""

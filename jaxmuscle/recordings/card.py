@@ -156,7 +156,7 @@ def _estimated(name: str, old: Quantity | None, needs: Mapping[str, Need], estim
     if name not in needs:
         raise ValueError(f"no quantity {name!r} to update{nearest(name, needs)}")
     value, std = float(estimate[0]), None if estimate[1] is None else float(estimate[1])
-    if not math.isfinite(value) or std is not None and not 0 < std < math.inf:
+    if not math.isfinite(value) or (std is not None and not 0 < std < math.inf):
         raise ValueError(f"{name}: expected a finite value and a positive finite std or None; got {estimate}")
     need = needs[name]
     before = old or Quantity(value, None, need.unit, "absolute" if need.referenced else None)

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.units import Series
 

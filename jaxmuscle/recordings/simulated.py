@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.track import observed
-from jaxmuscle.simulate import Track, run, start_at_rest
+from jaxmuscle.simulation import Track, run, start_at_rest
 
 
 class Simulation(eqx.Module):

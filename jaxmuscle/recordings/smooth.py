@@ -42,13 +42,14 @@ def smooth(values: Series, step: float, noise: float, derivative: int = 0) -> tu
     if len(values) < WINDOWS[0]:
         raw = np.gradient(values, step) if derivative and len(values) > 1 else values * (derivative == 0)
         return raw.astype(float), np.full(len(values), noise * (np.sqrt(2.0) / step) ** derivative)
-    lower, upper = np.full(values.shape, -np.inf), np.full(values.shape, np.inf)
+    lower: Series = np.full(values.shape, -np.inf)
+    upper: Series = np.full(values.shape, np.inf)
     chosen, spread = np.zeros_like(values), np.zeros_like(values)
     agreeing = np.ones(values.shape, dtype=bool)
     for window in (w for w in WINDOWS if w <= len(values)):
-        kernel = savgol_coeffs(window, ORDER, deriv=derivative, delta=step)
+        kernel = np.asarray(savgol_coeffs(window, ORDER, deriv=derivative, delta=step))
         deviation = noise * float(np.sqrt((kernel**2).sum()))
-        estimate = savgol_filter(values, window, ORDER, deriv=derivative, delta=step)
+        estimate = np.asarray(savgol_filter(values, window, ORDER, deriv=derivative, delta=step))
         lower = np.maximum(lower, estimate - CONFIDENCE * deviation)
         upper = np.minimum(upper, estimate + CONFIDENCE * deviation)
         agreeing &= (lower <= upper) | (window == WINDOWS[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,20 +13,21 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.recordings.smooth import noise_level, smooth
-from jaxmuscle.simulate import Track
+from jaxmuscle.simulation import Track
 
 Columns = Mapping[str, NDArray[np.float64]]
 
 
+@runtime_checkable
 class Sampled(Protocol):
     """What is needed of a recording."""
 
     @property
-    def step(self) -> float: ...  # noqa: D102
+    def step(self) -> float: ...
     @property
-    def columns(self) -> Columns: ...  # noqa: D102
+    def columns(self) -> Columns: ...
     @property
-    def breaks(self) -> tuple[int, ...]: ...  # noqa: D102
+    def breaks(self) -> tuple[int, ...]: ...
 
 
 class Observed(eqx.Module):
@@ -40,9 +41,9 @@ class Observed(eqx.Module):
     """
 
     track: Track
-    spread: dict[str, Float[Array, "samples *muscles"]]
-    outputs: dict[str, Float[Array, "samples *muscles"]]
-    noise: dict[str, Float[Array, "*muscles"]]
+    spread: dict[str, Float[Array, "samples ..."]]
+    outputs: dict[str, Float[Array, "samples ..."]]
+    noise: dict[str, Float[Array, "..."]]
 
     @property
     def samples(self) -> int:

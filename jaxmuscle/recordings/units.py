@@ -51,10 +51,12 @@ KINDS = {
 }
 """SI unit → what it measures, and an example of a unit for it."""
 
-COMMON = tuple(
-    "Pa hPa kPa MPa mbar bar psi atm m cm mm um inch s ms us min rad deg N kN lbf V mV A mA kg g "
-    "K degC degF Hz kHz m^2 cm^2 mm^2 m/s mm/s".split()
-) + ("N m", "kg m^2")
+COMMON = (
+    *"Pa hPa kPa MPa mbar bar psi atm m cm mm um inch s ms us min rad deg N kN lbf V mV A mA kg g".split(),
+    *"K degC degF Hz kHz m^2 cm^2 mm^2 m/s mm/s".split(),
+    "N m",
+    "kg m^2",
+)
 """Units that are suggested in place of one that does not exist."""
 
 UNREADABLE = (

@@ -8,7 +8,7 @@ from jaxmuscle.actuators import RIGS, Driven, Isotonic, Joint
 from jaxmuscle.components import FlowValve, McKibben, PressureRegulator
 from jaxmuscle.effects import BY_NAME, CATALOGUE
 from jaxmuscle.parameters import replace
-from jaxmuscle.simulate import Track, run, start_at_rest
+from jaxmuscle.simulation import Track, run, start_at_rest
 
 AMBIENT = 101325.0
 STEPS = {"isotonic": 2e-3, "joint": 2e-3, "driven": 1e-2}

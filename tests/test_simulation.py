@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracles import bench
 
-from jaxmuscle.simulate import Track, observe, predict, run, start_at_rest
+from jaxmuscle.simulation import Track, observe, predict, run, start_at_rest
 
 COMMANDS = {"isotonic": bench.isotonic_command()[:200], "joint": bench.joint_command()[45:245]}
 TRACKS = {"isotonic": bench.isotonic_track, "joint": bench.joint_track}

@@ -37,13 +37,20 @@ class Track(eqx.Module):
 
     step: Float[Array, ""]
     command: Float[Array, "samples *muscles"]
-    measured: dict[str, Float[Array, "samples *muscles"]]
+    measured: dict[str, Float[Array, "samples ..."]]
     begins: Bool[Array, " samples"] | None = None
 
     def at(self, row: Array) -> State:
         """The measured states at a sample."""
         last = self.command.shape[0] - 1
         return {name: values[jnp.minimum(row, last)] for name, values in self.measured.items()}
+
+    def first(self, row: Array) -> Array | int:
+        """First row of the stretch that a row belongs to."""
+        if self.begins is None:
+            return 0
+        rows = jnp.arange(self.command.shape[0])
+        return jnp.max(jnp.where(self.begins & (rows <= row), rows, 0))
 
 
 class Start(eqx.Module):
@@ -65,8 +72,10 @@ def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0
     state = actuator.rest(track.at(jnp.asarray(row)))
     held = _held(actuator, track, jnp.asarray(row), {})
     bare = actuator.without_effects(*actuator.effects)
-    signals = bare.signals(state, held)
-    states, memory = initial_states(actuator.effects, signals)
+    states, memory = initial_states(actuator.effects, bare.signals(state, held))
+    # Once more under the signals that these states make: a lagging sensor starts at the whole force.
+    whole = actuator.signals({**state, "effects": states}, _held(actuator, track, jnp.asarray(row), memory))
+    states, memory = initial_states(actuator.effects, whole)
     return Start({**state, "effects": states}, memory)
 
 
@@ -101,7 +110,9 @@ def run(
         here = jnp.minimum(row + index, track_last)
         now, then = track.at(here), track.at(here + 1)
         if track.begins is not None:
-            packed, memory = _fresh_where(track.begins[here], actuator, track, here, packed, memory, tuple(free))
+            packed, memory = _fresh_where(
+                track.begins[here], actuator, track, here, packed, memory, tuple(free)
+            )
         held = _held(actuator, track, here, memory)
 
         def whole(packed, fraction) -> State:
@@ -161,7 +172,7 @@ def _solver_step(field: Any, begin: Array, end: Array, packed: Array) -> Array:
 
 
 def _held(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
-    past = Past(track.command, row, track.step) if actuator.commands else None
+    past = Past(track.command, row, track.step, track.first(row)) if actuator.commands else None
     return Held(track.command[row], past, memory)
 
 
