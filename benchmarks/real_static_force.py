@@ -29,9 +29,8 @@ OTHERS = ("10", "15", "30")
 def settled_errors(found: Diagnosis, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the declared and of the final model at the given rows [N]."""
     measured = found.recording.columns["force"][rows]
-    return tuple(
-        np.maximum(p["force"][rows], 0) - measured for p in (found.traces.before, found.traces.after)
-    )
+    before, after = found.traces.before["force"][rows], found.traces.after["force"][rows]
+    return np.maximum(before, 0) - measured, np.maximum(after, 0) - measured
 
 
 def rms(values: np.ndarray) -> float:

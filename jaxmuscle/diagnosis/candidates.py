@@ -12,8 +12,11 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.parameters import parameters
 
-MULTIPLES = (0.3, 1.0, 3.0)
-"""Strengths that are tried, in units of the linear estimate: a large effect is far from linear."""
+MULTIPLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+"""Strengths that are tried, in units of the linear estimate: a large effect is far from linear, and one
+that a free parameter nearly imitates is estimated far too small."""
+OPPOSITE = (-0.3, -1.0, -3.0)
+"""The same with the other sign, for effects that can have it."""
 
 
 def missing(
@@ -62,6 +65,6 @@ def starts(effect: type[AbstractEffect], estimate: float, nonnegative: bool) -> 
         if strength_path(effect) in given:
             yield given
             continue
-        for multiple in MULTIPLES:
+        for multiple in MULTIPLES if nonnegative else (*MULTIPLES, *OPPOSITE):
             strength = multiple * (abs(estimate) if nonnegative else estimate)
             yield {**given, strength_path(effect): strength}

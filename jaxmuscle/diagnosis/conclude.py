@@ -13,7 +13,16 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.errors import errors, noise_of, predicted_columns
 from jaxmuscle.diagnosis.rank import FOLDS, Candidate
 from jaxmuscle.diagnosis.rates import MissingRate, missing_rates
-from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Reveal, Round, Traces, Unexplained
+from jaxmuscle.diagnosis.result import (
+    Diagnosis,
+    Error,
+    Estimate,
+    FoundEffect,
+    Reveal,
+    Round,
+    Traces,
+    Unexplained,
+)
 from jaxmuscle.diagnosis.uncertainty import estimates
 from jaxmuscle.diagnosis.unknown import dependence, variables
 from jaxmuscle.diagnosis.workbench import Workbench
@@ -21,6 +30,8 @@ from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.recordings.units import column_unit
 
+SURPRISE = 3.0
+"""Ratio of errors on unseen and on training data above which the training data did not tell all."""
 UNEXPLAINED = 3.0
 """Root mean square weighted residual of a link (1 = noise) above which something is left unexplained."""
 
@@ -52,8 +63,9 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     declared = _lean(bench, outcome.declared, [])
     model = _lean(bench, outcome.model, names)
     missing = missing_rates(case, model)
-    unexplained = _unexplained(case, missing, mean_squares(bench, outcome.model, training))
     traces = _traces(case, bench, outcome)
+    after = errors(case, traces.after, traces.held_out)
+    unexplained = _unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if unexplained else "complete"
     rename = {path: _card_name(case.actuator, path) for path in values}
     return Diagnosis(
@@ -64,7 +76,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         declared=declared,
         model=model,
         before=errors(case, traces.before, traces.held_out),
-        after=errors(case, traces.after, traces.held_out),
+        after=after,
         noise={column: noise_of(case, column) for column in traces.measured},
         units={c: column_unit(c, case.actuator.units.get("command", "")) for c in case.recording.columns},
         horizon=case.recording.card.horizon,
@@ -115,11 +127,19 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
 
 
 def _unexplained(
-    case: Case, missing: list[MissingRate], squares: dict[str, float]
+    case: Case,
+    missing: list[MissingRate],
+    squares: dict[str, float],
+    after: dict[str, dict[str, Error]],
 ) -> tuple[Unexplained, ...]:
+    """Links whose residual the final model leaves large, on the training data or only on unseen data."""
     left = []
     for rate in missing:
         rms = float(np.sqrt(squares[rate.link.output]))
+        for column in case.actuator.outputs[rate.link.output]:
+            seen, unseen = (after[part][column].in_noise for part in ("training", "held_out"))
+            if unseen > SURPRISE * max(seen, 1.0):
+                rms = max(rms, unseen)
         if rms > UNEXPLAINED:
             found = dependence(rate, variables(case), case)
             left.append(Unexplained(rate.link.signal, found.share, found.variables, rms))

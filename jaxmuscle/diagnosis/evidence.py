@@ -5,19 +5,27 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import NDArray
 from scipy import stats
 
 from jaxmuscle.fitting.problem import Residuals
 
-BLOCKS = 4
-"""Parts into which a window is cut for the test: neighbouring samples are not independent."""
+TELLING = float(np.log(3.0))
+"""Loss above which a block tells two models apart: a mean square of twice the noise."""
+
+Blocks = Int[NDArray[np.int64], "windows samples"]
 
 NOISE = float(np.log(2.0))
 """Loss of a block that only noise is left in."""
 
-Losses = Float[NDArray[np.float64], "windows blocks"]
+Losses = Float[NDArray[np.float64], " blocks"]
+
+
+def blocks(windows: int, samples: int, parts: int) -> Blocks:
+    """Number of the block of each sample, when every window is cut into `parts`, window after window."""
+    within = np.minimum(np.arange(samples) * parts // samples, parts - 1)
+    return np.arange(windows)[:, None] * parts + within
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +34,7 @@ class Evidence:
 
     Attributes:
         gain: part of the excess error that the second model removes; negative if it is worse.
-        p_value: one-sided Wilcoxon signed-rank test over blocks of windows.
+        p_value: one-sided Wilcoxon signed-rank test over the blocks in which either model misses.
         loss: geometric mean over blocks of 1 + the mean square of the weighted residuals, less one; 1 is
             what the sensors' noise leaves.
     """
@@ -36,33 +44,36 @@ class Evidence:
     loss: float
 
 
-def block_losses(residuals: Residuals, weights: Residuals, held: NDArray[np.bool_]) -> Losses:
-    """log(1 + mean square) of the weighted residuals of each block of each window in `held`, by output.
+def block_losses(residuals: Residuals, weights: Residuals, block: Blocks, judged: NDArray) -> Losses:
+    """log(1 + mean square) of the weighted residuals of each judged block, output by output.
 
     The logarithm is that of a heavy-tailed likelihood (Student with one degree of freedom a block): a
-    single window that calls for extrapolation, with an error of hundreds of standard deviations under
+    single stretch that calls for extrapolation, with an error of hundreds of standard deviations under
     any model, must not decide between them.
+
+    Args:
+        block: number of the block that each sample belongs to; `judged`: numbers of the blocks to judge.
     """
-    columns = []
+    losses = []
     for output, values in residuals.items():
-        weighted = np.asarray(weights[output])[held] > 0
-        squares = np.where(weighted, np.asarray(values)[held] ** 2, 0.0)
-        for part, there in zip(
-            np.array_split(squares, BLOCKS, axis=1), np.array_split(weighted, BLOCKS, axis=1), strict=True
-        ):
-            count = there.reshape(len(there), -1).sum(1)
-            mean = part.reshape(len(part), -1).sum(1) / np.maximum(count, 1)
-            columns.append(np.where(count > 0, np.log1p(mean), NOISE))
-    return np.stack(columns, axis=1)
+        there = np.asarray(weights[output]) > 0
+        each = np.broadcast_to(block.reshape(block.shape + (1,) * (there.ndim - 2)), there.shape)[there]
+        squares = np.asarray(values)[there] ** 2
+        total = np.bincount(each, squares, minlength=judged.max() + 1)
+        count = np.bincount(each, minlength=judged.max() + 1)
+        mean = total[judged] / np.maximum(count[judged], 1)
+        losses.append(np.where(count[judged] > 0, np.log1p(mean), NOISE))
+    return np.concatenate(losses)
 
 
 def compare(before: Losses, after: Losses) -> Evidence:
     """Evidence for `after` over `before`, block by block."""
-    difference = (before - after).ravel()
     loss = float(np.expm1(after.mean()))
+    telling = np.maximum(before, after) > TELLING
+    difference = (before - after)[telling]
     informative = difference[np.abs(difference) > 1e-9]
     if len(informative) == 0:
         return Evidence(0.0, 1.0, loss)
     p_value = float(stats.wilcoxon(informative, alternative="greater").pvalue)  # pyright: ignore
-    excess = (before - NOISE).sum()
+    excess = (before[telling] - NOISE).sum()
     return Evidence(float(difference.sum() / excess) if excess > 0 else 0.0, p_value, loss)

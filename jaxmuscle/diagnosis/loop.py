@@ -87,7 +87,8 @@ def diagnose(
         found.append(best)
         progress(f"adding {best.effect.name}, refitting everything")
         names = [f.effect.name for f in found]
-        model, minimum = bench.fit(best.models[0], names, training, FIT_STEPS)
+        begins = (*best.models, bench.with_card_values(best.models[0]))
+        model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
     progress("predicting the held-out data")
     outcome = Outcome(declared, model, tuple(found), tuple(rounds), minimum.converged)
     return conclude(prepared, bench, training, outcome, begin)

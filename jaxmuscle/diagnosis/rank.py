@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Bool
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.candidates import linear_strength, starts, strength_path
-from jaxmuscle.diagnosis.evidence import Evidence, Losses, block_losses, compare
+from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.fitting.fit import Minimum
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.parameters import parameters, replace
 
@@ -24,6 +24,8 @@ FINALISTS = 3
 WITHIN_REACH = 5.0
 """Ratio of losses after the first try up to which a candidate may still overtake the best one."""
 FOLDS = 2
+BLOCKS = 4
+"""Parts into which a window is cut for the test: neighbouring samples are not independent."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,10 +67,10 @@ def rank(
     the windows of the other fold.
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
-    place = _by_motion(problem) % FOLDS
+    block, fold_of = blocks(len(problem.rows), problem.samples, BLOCKS), _folds(problem)
 
     def on(fold: int) -> _Fold:
-        return _Fold(bench, tuple(accepted), problem, np.equal(place, fold), model)
+        return _Fold(bench, tuple(accepted), problem, block, np.flatnonzero(fold_of == fold), model)
 
     with ThreadPoolExecutor(FOLDS) as pool:
         folds = list(pool.map(on, range(FOLDS)))
@@ -96,40 +98,44 @@ def rank(
     return Ranking(base, float(np.expm1(base.mean())), tuple(candidates))
 
 
-def _by_motion(problem: Problem) -> NDArray[np.int64]:
-    """Place of each window in the order of how much its outputs move, so that folds are alike."""
+def _folds(problem: Problem) -> NDArray[np.int64]:
+    """Fold of each block: whole windows, in turn, in the order of how much their outputs move."""
     extent = np.zeros(len(problem.rows))
     for values in problem.targets.values():
         ranges = np.ptp(np.asarray(values), axis=1).reshape(len(extent), -1).sum(1)
         extent += ranges / max(ranges.max(), 1e-300)
-    return np.argsort(np.argsort(-extent))
+    return np.repeat(np.argsort(np.argsort(-extent)) % FOLDS, BLOCKS)
 
 
 class _Fold:
-    """One half of the windows to be judged on, the other half to be fitted on."""
+    """One half of the blocks to be judged on, the other half to be fitted on."""
 
     def __init__(
         self,
         bench: Workbench,
         accepted: tuple[str, ...],
         problem: Problem,
-        judged: Bool[NDArray[np.bool_], " windows"],
+        block: Blocks,
+        judged: NDArray[np.int64],
         model: AbstractActuator,
     ) -> None:
-        self.bench, self.accepted, self.problem, self.judged = bench, accepted, problem, judged
-        self.fitting = problem.only(~judged)
+        self.bench, self.accepted, self.problem = bench, accepted, problem
+        self.block, self.judged = block, judged
+        self.fitting = problem.only(~np.isin(block, judged))
         self.base, _ = bench.fit(model, accepted, self.fitting, LAST_STEPS)
 
     def losses(self, model: AbstractActuator) -> Losses:
-        return block_losses(self.bench.residuals(model, self.problem), self.problem.weights, self.judged)
+        residuals = self.bench.residuals(model, self.problem)
+        return block_losses(residuals, self.problem.weights, self.block, self.judged)
 
     def estimates(self, effects: Sequence[type[AbstractEffect]]) -> dict[str, float]:
-        """Strength of each effect by one linear step from zero, the free parameters moving along."""
+        """Strength of each effect by one linear step from the card's values, the others moving along."""
         own = self.bench.free_paths(self.base, self.accepted)
+        card = self.bench.with_card_values(self.base)
         best: dict[str, tuple[float, float]] = {}
         for shape in range(max(len(effect.starts) for effect in effects)):
             shaped = [effect for effect in effects if shape < len(effect.starts)]
-            model = replace(self.base, {k: v for e in shaped for k, v in _shape(e, shape).items()})
+            model = replace(card, {k: v for e in shaped for k, v in _shape(e, shape).items()})
             paths = [*own, *(strength_path(effect) for effect in shaped)]
             residual, slopes = self.bench.jacobian(model, self.fitting, paths, self.accepted)
             for effect, slope in zip(shaped, slopes[len(own) :], strict=True):
@@ -139,15 +145,27 @@ class _Fold:
         return {name: strength for name, (strength, _) in best.items()}
 
     def first_try(self, effect: type[AbstractEffect], estimate: float) -> _Trial:
-        """A short fit from the best of the effect's starting values."""
+        """The better of two short fits: from the fitted model, and from the values of the card.
+
+        The fitted model may be bent far to make up for what is missing, and then lies in a valley of its own.
+        """
         entry = parameters(self.base)[strength_path(effect)]
-        tries = [replace(self.base, start) for start in starts(effect, estimate, entry.nonnegative)]
-        costs = [self.bench.cost(trial, self.fitting) for trial in tries]
-        return self.fit(effect, tries[int(np.argmin(costs))], FIRST_STEPS)
+        fits = []
+        for base in (self.base, self.bench.with_card_values(self.base)):
+            tries = [replace(base, start) for start in starts(effect, estimate, entry.nonnegative)]
+            costs = [self.bench.cost(trial, self.fitting) for trial in tries]
+            fits.append(self._fitted(effect, tries[int(np.argmin(costs))], FIRST_STEPS))
+        model, _ = min(fits, key=lambda fit: fit[1].cost)
+        return _Trial(model, self.losses(model))
 
     def fit(self, effect: type[AbstractEffect], model: AbstractActuator, steps: int) -> _Trial:
-        fitted, _ = self.bench.fit(model, [*self.accepted, effect.name], self.fitting, steps)
+        fitted, _ = self._fitted(effect, model, steps)
         return _Trial(fitted, self.losses(fitted))
+
+    def _fitted(
+        self, effect: type[AbstractEffect], model: AbstractActuator, steps: int
+    ) -> tuple[AbstractActuator, Minimum]:
+        return self.bench.fit(model, [*self.accepted, effect.name], self.fitting, steps)
 
 
 def _shape(effect: type[AbstractEffect], number: int) -> dict[str, float]:

@@ -29,7 +29,9 @@ def estimates(
     residual, slopes = bench.jacobian(model, problem, paths, effects)
     scale = np.linalg.norm(slopes, axis=1)
     scale = np.where(scale > 0, scale, 1.0)
-    covariance = _covariance(residual, slopes / scale[:, None], problem) / np.outer(scale, scale)
+    sizes = [problem.targets[link.output].size for link in model.links]
+    covariance = _covariance(residual, slopes / scale[:, None], len(problem.rows), sizes)
+    covariance = covariance / np.outer(scale, scale)
     std = np.sqrt(np.diag(covariance))
     entries = parameters(model)
     values = {
@@ -41,16 +43,16 @@ def estimates(
 
 
 def _covariance(
-    residual: Float[NDArray, " n"], slopes: Float[NDArray, "k n"], problem: Problem
+    residual: Float[NDArray, " n"], slopes: Float[NDArray, "k n"], windows: int, sizes: Sequence[int]
 ) -> Float[NDArray, "k k"]:
+    """`sizes`: residuals of each output in the order of the residual vector, window after window in each."""
     bread = np.linalg.pinv(slopes @ slopes.T, hermitian=True)
-    windows = len(problem.rows)
     gradients, begin = np.zeros((windows, len(slopes))), 0
-    for target in problem.targets.values():
-        block = slice(begin, begin + target.size)
+    for size in sizes:
+        block = slice(begin, begin + size)
         products = (slopes[:, block] * residual[block]).reshape(len(slopes), windows, -1)
         gradients += products.sum(-1).T
-        begin += target.size
+        begin += size
     correction = windows / max(windows - 1, 1)
     sandwich = correction * bread @ (gradients.T @ gradients) @ bread
     ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(bread), 1e-300), 1.0))

@@ -17,7 +17,7 @@ from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.fit import Minimum, minimise, sensitivities
 from jaxmuscle.fitting.free import Free, Prior, free
 from jaxmuscle.fitting.problem import Problem, Residuals, residuals
-from jaxmuscle.parameters import get, parameters
+from jaxmuscle.parameters import get, parameters, replace
 
 SPARE = 6
 """Free parameters beyond the declared ones for which a fit is laid out: two effects of three."""
@@ -70,6 +70,17 @@ class Workbench:
         priors = {**self.priors, **self.shape_priors(model, effects)}
         free_parameters = free(model, chosen, priors, scales, self.order)
         return free_parameters, np.array([self.order.index(path) for path in chosen], dtype=int)
+
+    def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
+        """`model` with its declared parameters back at the values of the card."""
+        return replace(model, {path: prior.mean for path, prior in self.priors.items()})
+
+    def best_fit(
+        self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
+    ) -> tuple[AbstractActuator, Minimum]:
+        """The best of the fits that begin at several models."""
+        fits = [self.fit(start, effects, problem, steps) for start in starts]
+        return min(fits, key=lambda fit: fit[1].cost)
 
     def fit(
         self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int

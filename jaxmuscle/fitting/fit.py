@@ -17,9 +17,11 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Free
 from jaxmuscle.fitting.problem import Problem, residuals
 
-TOLERANCE = 1e-3
+TOLERANCE = 3e-4
 """Relative fall of the cost over one accepted step at which a fit ends."""
-REJECTIONS = 8
+FIRST_DAMPING = 1e-3
+"""Damping of the first step, relative to the squared norm of the residuals there."""
+REJECTIONS = 12
 """Steps rejected in a row after which a fit ends: the trust region has shrunk by 4 to that power."""
 
 
@@ -69,11 +71,11 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:
     """Run optimistix's solver step by step: its own test waits for every coordinate, even one without effect.
 
-    The residuals are divided by their norm at the start: the damping begins at 1, which against the
-    sensitivities of a wrong model in units of the sensors' noise is nothing, and a dozen steps would be
-    rejected before it counts.
+    The residuals are scaled by their norm at the start. optimistix begins with a damping of 1: against the
+    sensitivities of a wrong model in units of the sensors' noise that is nothing, and a dozen steps would be
+    rejected before it counts. Scaled so, it is :data:`FIRST_DAMPING` of the squared norm.
     """
-    unit = jnp.sqrt(2 * start)
+    unit = jnp.sqrt(2 * FIRST_DAMPING * start)
 
     def stacked(y: Array, _: None) -> tuple[Array, None]:
         return residual_vector(model, problem, free, select @ y) / unit, None
@@ -87,7 +89,7 @@ def _solve(
     moving, fixed = eqx.partition(first, eqx.is_array)
 
     def cost(state: Any) -> Array:
-        return (state.f_info.residual**2).sum()
+        return FIRST_DAMPING * (state.f_info.residual**2).sum()
 
     def going(carry: tuple[Array, Any, Array]) -> Array:
         _, state, settled = carry

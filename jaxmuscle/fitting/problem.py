@@ -39,9 +39,9 @@ class Problem(eqx.Module):
         """A copy with other weights."""
         return eqx.tree_at(lambda p: p.weights, self, weights)
 
-    def only(self, windows: np.ndarray) -> Problem:
-        """A copy in which only the given windows (boolean) count."""
-        return self.with_weights({o: w * _along(windows, w) for o, w in self.weights.items()})
+    def only(self, samples: np.ndarray) -> Problem:
+        """A copy in which only the given samples count: boolean, one row a window."""
+        return self.with_weights({o: w * _along(samples, w) for o, w in self.weights.items()})
 
 
 def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
@@ -129,5 +129,5 @@ def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: S
     )[link.output]
 
 
-def _along(windows: np.ndarray, weights: Array) -> Array:
-    return jnp.asarray(windows, dtype=float).reshape((-1,) + (1,) * (weights.ndim - 1))
+def _along(samples: np.ndarray, weights: Array) -> Array:
+    return jnp.asarray(samples, dtype=float).reshape(samples.shape + (1,) * (weights.ndim - 2))

@@ -17,8 +17,10 @@ Series = NDArray[np.float64]
 def noise_level(values: Series) -> float:
     """Standard deviation of the white noise on a smooth signal, from its fourth differences.
 
-    The median makes it deaf to the few samples around a kink.
+    The median makes it deaf to the few samples around a kink. Zero for fewer than five samples.
     """
+    if len(values) < 5:
+        return 0.0
     fourth = np.diff(values, n=4)
     return float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0))
 

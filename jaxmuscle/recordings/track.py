@@ -17,6 +17,9 @@ from jaxmuscle.simulation import Track
 
 Columns = Mapping[str, NDArray[np.float64]]
 
+ENOUGH = 50
+"""Samples from which the noise of a stretch can be told."""
+
 
 @runtime_checkable
 class Sampled(Protocol):
@@ -66,11 +69,8 @@ def observed(
     edges = sorted({0, *recording.breaks, *cuts, samples})
 
     def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
-        values = columns[column]
-        level = noise_level(values)
-        parts = [
-            smooth(values[a:b], step, level, derivative) for a, b in zip(edges[:-1], edges[1:], strict=True)
-        ]
+        stretches = [columns[column][a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        parts = [smooth(values, step, _level(values, stretches), derivative) for values in stretches]
         return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
     measured, spread = {}, {}
@@ -83,13 +83,24 @@ def observed(
     )
     outputs = {out: _stack(names, lambda n: columns[n]) for out, names in actuator.outputs.items()}
     levels = {
-        out: _stack(names, lambda n: np.asarray(noise.get(n) or noise_level(columns[n])))
+        out: _stack(names, lambda n: np.asarray(noise.get(n) or _longest_level(columns[n], edges)))
         for out, names in actuator.outputs.items()
     }
     as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
     begins = jnp.zeros(samples, bool).at[np.array(recording.breaks)].set(True) if recording.breaks else None
     track = Track(jnp.asarray(step), jnp.asarray(command), as_arrays(measured), begins)
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
+
+
+def _level(values: NDArray, stretches: list[NDArray]) -> float:
+    """Noise of one stretch by its own samples, so that none learns of another; or the longest's."""
+    enough = len(values) >= ENOUGH
+    return noise_level(values if enough else max(stretches, key=len))
+
+
+def _longest_level(values: NDArray, edges: list[int]) -> float:
+    """Noise of the longest stretch: the held-out rows, which are fewer, have no say in a weight."""
+    return noise_level(max((values[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)), key=len))
 
 
 def _stack(names: tuple[str, ...], of: Callable[[str], NDArray]) -> NDArray:

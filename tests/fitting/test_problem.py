@@ -1,0 +1,81 @@
+"""Residuals of a machine on a recording, against the oracle's readings."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.driven import driven
+from oracles.recorded import NOISE, driven_card, driven_recording, smooth_motion
+
+from jaxmuscle.fitting.case import case
+from jaxmuscle.fitting.problem import BROKEN, chain_predictions, expected_spread, link_predictions, residuals
+from jaxmuscle.parameters import replace
+
+SECONDS = 6.0
+IGNORED = np.isin(np.arange(600), [5, 130, 131])
+ENDS = {"pressure_dependent_ends": bench.ENDS}
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    return case(driven_recording(ENDS, driven_card({}), seconds=SECONDS), 0.2, IGNORED)
+
+
+def by_row(prepared, values):
+    """Numbers of windows on the recording's clock; what no window holds is NaN."""
+    series = np.full(prepared.observed.samples, np.nan)
+    for row, mask, window in zip(
+        prepared.windows.rows, prepared.windows.mask, np.asarray(values), strict=True
+    ):
+        series[row + np.flatnonzero(mask)] = window[mask]
+    return series
+
+
+def test_residuals_are_those_of_the_oracle_in_units_of_noise(prepared):
+    wrong = driven(bench.CARDS["driven"], {}, *smooth_motion(SECONDS))
+    expected = (wrong - prepared.recording.columns["force"]) / NOISE
+    found = residuals(prepared.actuator, prepared.problem)["force"]
+    series = by_row(prepared, found)
+    np.testing.assert_array_equal(np.isnan(series), IGNORED)
+    # The pressure and the contraction are smoothed, which moves the force by a small part of its noise.
+    np.testing.assert_allclose(series[~IGNORED], expected[~IGNORED], rtol=0, atol=0.02)
+    assert np.abs(expected).max() > 10
+    assert not np.asarray(found)[~prepared.windows.mask].any()
+
+
+def test_only_the_given_samples_count(prepared):
+    there = np.zeros(prepared.windows.mask.shape, bool)
+    there[3], there[5, 10:20] = True, True
+    whole = np.asarray(residuals(prepared.actuator, prepared.problem)["force"])
+    part = np.asarray(residuals(prepared.actuator, prepared.problem.only(there))["force"])
+    np.testing.assert_array_equal(part, np.where(there, whole, 0.0))
+
+
+def test_what_is_not_a_number_is_large(prepared):
+    broken = replace(prepared.actuator, {"muscle.end_factor": jnp.nan})
+    found = np.asarray(residuals(broken, prepared.problem)["force"])
+    np.testing.assert_array_equal(found, BROKEN)
+    huge = replace(prepared.actuator, {"muscle.initial_radius": 1.0})
+    found = np.asarray(residuals(huge, prepared.problem)["force"])
+    assert np.abs(found).max() == BROKEN
+    assert not found[~prepared.windows.mask].any()
+
+
+def test_link_of_a_driven_rig_is_its_chain(prepared):
+    link = link_predictions(prepared.actuator, prepared.problem)
+    chain = chain_predictions(prepared.actuator, prepared.problem)
+    np.testing.assert_array_equal(link["force"], chain["force"])
+    assert np.ptp(link["force"]) > 100
+
+
+def test_spread_of_the_velocity_reaches_the_force_by_friction_alone(prepared):
+    """Friction of a kinetic coefficient alone is a tanh of v over 1e-4 m/s: shifts of v show near v = 0."""
+    spread = {"velocity": jnp.full(prepared.observed.samples, 1e-3)}
+    nothing = expected_spread(prepared.actuator, prepared.problem, spread)["force"]
+    np.testing.assert_array_equal(nothing, 0.0)
+    rough = bench.model("driven", thread_friction={"static_coefficient": 0.05, "kinetic_coefficient": 0.05})
+    variance = by_row(prepared, expected_spread(rough, prepared.problem, spread)["force"])
+    speed = np.abs(smooth_motion(SECONDS)[2])
+    turning, moving = (speed < 5e-4) & ~IGNORED, (speed > 2e-3) & ~IGNORED
+    assert turning.any()
+    assert variance[turning].min() > 100 * variance[moving].max()
