@@ -11,7 +11,7 @@ import pandas as pd
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.errors import errors, noise_of, predicted_columns
-from jaxmuscle.diagnosis.rank import FOLDS, Candidate
+from jaxmuscle.diagnosis.rank import Candidate, fold_count
 from jaxmuscle.diagnosis.rates import MissingRate, missing_rates
 from jaxmuscle.diagnosis.result import (
     Diagnosis,
@@ -89,7 +89,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         converged=outcome.converged,
         seconds=time.perf_counter() - begin,
         settings={
-            "folds": FOLDS,
+            "folds": fold_count(len(training.rows)),
             "windows": len(case.windows),
             "held_out_windows": int(case.windows.held_out.sum()),
             "substeps": case.problem.substeps,

@@ -1,4 +1,4 @@
-"""Score every effect that the rig can have: fitted on one half of the windows, judged on the other."""
+"""Score every effect that the rig can have: fitted on some windows, judged on the others."""
 
 from __future__ import annotations
 
@@ -23,7 +23,17 @@ FIRST_STEPS, LAST_STEPS = 12, 60
 FINALISTS = 3
 WITHIN_REACH = 5.0
 """Ratio of losses after the first try up to which a candidate may still overtake the best one."""
-FOLDS = 2
+FEW_WINDOWS = 16
+"""Windows below which four folds are made instead of two: half of a short recording determines too little."""
+
+
+def fold_count(windows: int) -> int:
+    """Number of folds: each is judged by models fitted on the others."""
+    return 4 if windows < FEW_WINDOWS else 2
+
+
+CORES = 2
+"""Fits that run side by side."""
 BLOCKS = 4
 """Parts into which a window is cut for the test: neighbouring samples are not independent."""
 
@@ -62,18 +72,19 @@ def rank(
 ) -> Ranking:
     """Rank the candidates that are not yet accepted.
 
-    The windows, ordered by how much moves in them, go to two folds in turn. On each fold the present model
-    and the model with each candidate are fitted, with all parameters that are free anyway, and judged on
-    the windows of the other fold.
+    The windows, ordered by how much moves in them, go to two folds in turn (four when they are few). The
+    present model and the model with each candidate are fitted on all folds but one, with all parameters that
+    are free anyway, and judged on that one.
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
-    block, fold_of = blocks(len(problem.rows), problem.samples, BLOCKS), _folds(problem)
+    count = fold_count(len(problem.rows))
+    block, fold_of = blocks(len(problem.rows), problem.samples, BLOCKS), _folds(problem, count)
 
     def on(fold: int) -> _Fold:
         return _Fold(bench, tuple(accepted), problem, block, np.flatnonzero(fold_of == fold), model)
 
-    with ThreadPoolExecutor(FOLDS) as pool:
-        folds = list(pool.map(on, range(FOLDS)))
+    with ThreadPoolExecutor(CORES) as pool:
+        folds = list(pool.map(on, range(count)))
         base = np.concatenate([fold.losses(fold.base) for fold in folds])
 
         def judged(effect: type[AbstractEffect], trials: list[_Trial]) -> Candidate:
@@ -84,31 +95,31 @@ def rank(
         candidates = []
         for number, effect in enumerate(rest):
             progress(f"trying {effect.name} ({number + 1} of {len(rest)})")
-            tried = pool.map(lambda i, e=effect: folds[i].first_try(e, estimates[i][e.name]), range(FOLDS))
+            tried = pool.map(lambda i, e=effect: folds[i].first_try(e, estimates[i][e.name]), range(count))
             candidates.append(judged(effect, list(tried)))
         candidates.sort(key=lambda c: c.evidence.loss)
         reach = WITHIN_REACH * candidates[0].evidence.loss
         for place, candidate in enumerate(c for c in candidates[:FINALISTS] if c.evidence.loss <= reach):
             progress(f"fitting {candidate.effect.name} to the end")
             fitted = pool.map(
-                lambda i, c=candidate: folds[i].fit(c.effect, c.models[i], LAST_STEPS), range(FOLDS)
+                lambda i, c=candidate: folds[i].fit(c.effect, c.models[i], LAST_STEPS), range(count)
             )
             candidates[place] = judged(candidate.effect, list(fitted))
     candidates.sort(key=lambda c: c.evidence.loss)
     return Ranking(base, float(np.expm1(base.mean())), tuple(candidates))
 
 
-def _folds(problem: Problem) -> NDArray[np.int64]:
+def _folds(problem: Problem, count: int) -> NDArray[np.int64]:
     """Fold of each block: whole windows, in turn, in the order of how much their outputs move."""
     extent = np.zeros(len(problem.rows))
     for values in problem.targets.values():
         ranges = np.ptp(np.asarray(values), axis=1).reshape(len(extent), -1).sum(1)
         extent += ranges / max(ranges.max(), 1e-300)
-    return np.repeat(np.argsort(np.argsort(-extent)) % FOLDS, BLOCKS)
+    return np.repeat(np.argsort(np.argsort(-extent)) % count, BLOCKS)
 
 
 class _Fold:
-    """One half of the blocks to be judged on, the other half to be fitted on."""
+    """Some blocks to be judged on, all others to be fitted on."""
 
     def __init__(
         self,
