@@ -29,7 +29,8 @@ class Estimate:
 class FoundEffect:
     """An effect that was added: its parameters and the evidence on data not used for fitting.
 
-    `gain`: part of the mean square error on unseen training windows that it removed; `p_value` of that.
+    `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
+    removed; `p_value` of that.
     """
 
     name: str
@@ -45,7 +46,7 @@ class FoundEffect:
 class Alternative:
     """A candidate as it did in the round that added the best one (or none).
 
-    `loss`: mean square of its weighted residuals on unseen windows, 1 being the sensors' noise.
+    `loss`: typical mean square of its weighted residuals on unseen windows, 1 being the sensors' noise.
     `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
     """
 

@@ -108,7 +108,7 @@ def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:
         outcome = f"{words.words(search.added)} was added"
     if search.added is None and index > 0:
         return {"title": title, "rows": rows, "picture": None, "outcome": f"{title}: {outcome}."}
-    seen = "part of the squared error on windows left out of each fit that a candidate removes"
+    seen = "part of the excess error on windows left out of each fit that a candidate removes"
     picture = Picture(svg_uri(ranking_figure(search)), f"{title}: {seen}; {outcome}.")
     return {"title": title, "rows": rows, "picture": picture, "outcome": ""}
 
