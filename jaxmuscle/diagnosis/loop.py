@@ -52,8 +52,8 @@ def diagnose(
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
 
-    Every round fits the present model and the model with each candidate on half of the training windows
-    and judges them on the other half, both ways. The best candidate is added when it removes at least a
+    Every round fits the present model and the model with each candidate on some of the training windows
+    and judges them on the others, fold by fold. The best candidate is added when it removes at least a
     tenth of the excess error on unseen windows with p < 0.01; everything is refitted; at most three
     effects are added. The held-out rows are used once, for the errors that are reported.
 

@@ -23,8 +23,8 @@ class Free(eqx.Module):
     r"""A vector of parameters of a model and its map from unbounded coordinates z.
 
     Linear: θ = θ0 + s z. Above zero: θ = θ0 exp(s z / θ0). Not below zero: θ = s (q + √(q² + 4c))/2 with
-    q = z + q0. At z = 0 each gives its start θ0. The arrays are data, so that one compiled fit serves any
-    choice of starts, scales and free entries.
+    q = z + q0. At z = 0 each gives its start θ0 (the third no less than a hundredth of s). The arrays
+    are data, so that one compiled fit serves any choice of starts, scales and free entries.
     """
 
     paths: tuple[str, ...] = eqx.field(static=True)

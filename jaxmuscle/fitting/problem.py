@@ -99,8 +99,9 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
 def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
     """Variance that the uncertainty of the smoothed states puts on the predictions of the links.
 
-    Each measured state and each derivative is shifted by ± its standard deviation, both where it starts a
-    window and where it is imposed; half the difference of the predictions, squared, is summed.
+    Each rate of a measured state, the least certain of what is smoothed, is shifted by ± its standard
+    deviation, both where it starts a window and where it is imposed; half the
+    difference of the predictions, squared, is summed.
     """
 
     def shifted(name: str, sign: float) -> Residuals:
