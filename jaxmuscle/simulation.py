@@ -127,6 +127,7 @@ def run(
             packed, memory = carry
             held = _held(actuator, track, here, memory)
 
+            @jax.jit  # traced once for all stages of the solver
             def field(t, packed, _):
                 rates = actuator.vector_field(whole(packed, t / track.step), held)
                 return ravel_pytree({name: rates[name] for name in free})[0]
@@ -166,7 +167,7 @@ def _fresh_where(
 
 def _solver_step(field: Any, begin: Array, end: Array, packed: Array) -> Array:
     term = diffrax.ODETerm(field)
-    solver = ChebyshevRungeKutta(scan_kind="lax")
+    solver = ChebyshevRungeKutta()
     solver_state = solver.init(term, begin, end, packed, None)
     return solver.step(term, begin, end, packed, None, solver_state, made_jump=False)[0]
 

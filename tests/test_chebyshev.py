@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxmuscle.chebyshev import STAGES, ChebyshevRungeKutta, rkc_tableau
+from jaxmuscle.chebyshev import STAGES, ChebyshevRungeKutta, stages_of
 
 
 def steps(solver, field, start, end, count):
@@ -63,27 +63,29 @@ def test_decays_over_many_stiff_steps():
 
 
 @pytest.mark.parametrize("stages", [2, 3, STAGES, 7])
-def test_tableau_meets_the_order_conditions(stages):
-    tableau = rkc_tableau(stages)
-    weights, nodes = tableau.b_sol, np.concatenate([[0.0], tableau.c])
-    assert weights.sum() == pytest.approx(1, abs=1e-12)
-    assert weights @ nodes == pytest.approx(0.5, abs=1e-12)
-    for row, node in zip(tableau.a_lower, tableau.c, strict=True):
-        assert row.sum() == pytest.approx(node, abs=1e-12)
+def test_nodes_are_the_times_of_the_stages(stages):
+    """A field that is 1 makes every stage its own time, and the last one is the end of the step."""
+    nodes = [stage.node for stage in stages_of(stages)]
+    assert nodes == sorted(nodes)
+    assert nodes[-1] == pytest.approx(1, abs=1e-12)
+    for stage in stages_of(stages):
+        assert stage.start + stage.last + stage.before == pytest.approx(1, abs=1e-12)
 
 
-def test_stability_grows_with_the_square_of_the_stages():
+@pytest.mark.parametrize("stages", [2, 3, 7])
+def test_every_number_of_stages_is_of_second_order(stages):
+    coarse, fine = (
+        abs(float(steps(ChebyshevRungeKutta(stages), lambda t, y, _: -(y**2) + t, 1.0, 2.0, n)) - exact)
+        for exact in [float(steps(diffrax.Dopri5(), lambda t, y, _: -(y**2) + t, 1.0, 2.0, 2000))]
+        for n in (100, 200)
+    )
+    assert coarse / fine == pytest.approx(4, abs=0.2)
+
+
+@pytest.mark.parametrize("stages", [4, 6, 8])
+def test_stability_grows_with_the_square_of_the_stages(stages):
     # (2/3) (s² - 1) (1 - (2/15) ε) with damping ε = 2/13: Sommeijer, Shampine and Verwer, section 2.
-    for stages in (4, 6, 8):
-        tableau = rkc_tableau(stages)
-        lower = np.zeros((stages, stages))
-        for row, entries in enumerate(tableau.a_lower, start=1):
-            lower[row, :row] = entries
-
-        def factor(product, lower=lower, weights=tableau.b_sol):
-            ones = np.ones(len(lower))
-            return 1 - product * weights @ np.linalg.solve(np.eye(len(lower)) + product * lower, ones)
-
-        bound = 2 / 3 * (stages**2 - 1) * (1 - 2 / 15 * 2 / 13)
-        assert max(abs(factor(z)) for z in np.linspace(0, bound, 400)) <= 1 + 1e-12
-        assert abs(factor(1.02 * bound)) > 1
+    bound = 2 / 3 * (stages**2 - 1) * (1 - 2 / 15 * 2 / 13)
+    factor = jax.vmap(lambda z: steps(ChebyshevRungeKutta(stages), lambda t, y, _: -z * y, 1.0, 1.0, 1))
+    assert np.abs(factor(jnp.linspace(0, bound, 400))).max() <= 1 + 1e-12
+    assert abs(float(factor(jnp.array([1.02 * bound]))[0])) > 1

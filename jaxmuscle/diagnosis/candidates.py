@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.parameters import parameters
 
 MULTIPLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
@@ -26,8 +26,13 @@ def missing(
     return [effect for effect in catalogue if actuator.offers(effect) and effect.name not in actuator.effects]
 
 
+def carries_state(effect: type[AbstractEffect]) -> bool:
+    """Whether an effect has a state or a memory of its own."""
+    return issubclass(effect, AbstractRateEffect | AbstractMemoryEffect)
+
+
 def loaded(actuator: AbstractActuator, effects: Sequence[type[AbstractEffect]]) -> AbstractActuator:
-    """`actuator` carrying all `effects` at zero strength: one structure, compiled once."""
+    """`actuator` carrying all `effects` at zero strength."""
     return actuator.with_effects(**{effect.name: effect() for effect in effects})
 
 
@@ -58,13 +63,19 @@ def linear_strength(
     return float(-(own @ rest) / norm), float((own @ rest) ** 2 / norm / max(rest @ rest, 1e-300))
 
 
-def starts(effect: type[AbstractEffect], estimate: float, nonnegative: bool) -> Iterator[Mapping[str, float]]:
-    """Parameter values (by path) from which a fit of `effect` may begin."""
-    for shape in effect.starts or ({},):
-        given = {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
-        if strength_path(effect) in given:
-            yield given
-            continue
-        for multiple in MULTIPLES if nonnegative else (*MULTIPLES, *OPPOSITE):
-            strength = multiple * (abs(estimate) if nonnegative else estimate)
-            yield {**given, strength_path(effect): strength}
+def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
+    """Values (by path) of an effect's parameters from which a search begins; with its strength or without."""
+    for shape in effect.starts:
+        yield {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
+
+
+def strengths(
+    effect: type[AbstractEffect], shape: Mapping[str, float], estimate: float, nonnegative: bool
+) -> Iterator[Mapping[str, float]]:
+    """Starts of one shape: with the strength that it gives, or with multiples of the linear estimate."""
+    path = strength_path(effect)
+    if path in shape:
+        yield shape
+        return
+    for multiple in MULTIPLES if nonnegative else (*MULTIPLES, *OPPOSITE):
+        yield {**shape, path: multiple * (abs(estimate) if nonnegative else estimate)}

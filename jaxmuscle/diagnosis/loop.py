@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +33,6 @@ TOLD_APART = 0.05
 FIT_STEPS = 60
 SPREAD = 2.0
 """Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
-
-_expected_spread = eqx.filter_jit(expected_spread)
 
 
 def _silent(message: str) -> None:
@@ -87,7 +84,7 @@ def diagnose(
         found.append(best)
         progress(f"adding {best.effect.name}, refitting everything")
         names = [f.effect.name for f in found]
-        begins = (*best.models, bench.with_card_values(best.models[0]))
+        begins = (best.model, bench.with_card_values(best.model))
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
     progress("predicting the held-out data")
     outcome = Outcome(declared, model, tuple(found), tuple(rounds), minimum.converged)
@@ -98,7 +95,7 @@ def _with_spread(prepared: Case, model: AbstractActuator) -> Problem:
     """The training windows, with weights that allow for what the smoothed states leave uncertain."""
     training = prepared.training
     wider = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
-    variance = _expected_spread(model, training, wider)
+    variance = expected_spread(model, training, wider)
     weights = {
         out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + variance[out]), 0.0)
         for out, w in training.weights.items()

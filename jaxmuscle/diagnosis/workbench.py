@@ -1,4 +1,4 @@
-"""One model that carries every candidate at zero strength: all fits of a diagnosis run on it."""
+"""The models of a diagnosis in few structures, so that its hundreds of fits share few compilations."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.diagnosis.candidates import loaded, paths_of
+from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.fit import Minimum, minimise, sensitivities
 from jaxmuscle.fitting.free import Free, Prior, free
-from jaxmuscle.fitting.problem import Problem, Residuals, residuals
+from jaxmuscle.fitting.problem import Problem, Residuals, evaluate
 from jaxmuscle.parameters import get, parameters, replace
 
 SPARE = 6
 """Free parameters beyond the declared ones for which a fit is laid out: two effects of three."""
 
-_residuals = eqx.filter_jit(residuals)
-
 
 @dataclasses.dataclass(frozen=True)
 class Workbench:
-    """A loaded model's structure and the order of its parameters, shared by all fits.
+    """A declared model, the candidates, and how they are fitted.
+
+    Candidates without a state of their own cost next to nothing at zero strength: every model carries them
+    all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
+    them only where they are tried or have been added.
 
     Attributes:
-        model: the declared machine with every candidate at zero strength.
+        model: the declared machine with every candidate without a state, at zero strength.
         declared: paths of the parameters that the card calls uncertain.
-        order: every path that a fit may ever move.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         width: number of tangents of a fit.
     """
@@ -40,20 +41,32 @@ class Workbench:
     model: AbstractActuator
     candidates: tuple[type[AbstractEffect], ...]
     declared: tuple[str, ...]
-    order: tuple[str, ...]
     priors: Mapping[str, Prior]
     width: int
+
+    def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
+        """`model` carrying, of the candidates that have a state, exactly those in `names`."""
+        stateful = [effect for effect in self.candidates if carries_state(effect)]
+        wanted = [effect for effect in stateful if effect.name in names]
+        bare = model.without_effects(*(effect.name for effect in stateful))
+        had = {e.name: model.effects[e.name] for e in wanted if e.name in model.effects}
+        return bare.with_effects(**{effect.name: had.get(effect.name, effect()) for effect in wanted})
+
+    def order(self, model: AbstractActuator) -> list[str]:
+        """Every path that a fit of a model of this structure may ever move."""
+        carried = [effect.name for effect in self.candidates if effect.name in model.effects]
+        return [*self.declared, *(path for name in carried for path in paths_of(model, name))]
 
     def shape_priors(self, model: AbstractActuator, names: Sequence[str]) -> dict[str, Prior]:
         """Weak priors on the parameters of effects other than their strengths: their value, by its size.
 
         They keep a time constant or a threshold that the data say nothing of where it began.
         """
-        entries = parameters(self.model)
+        entries, defaults = parameters(model), loaded(self.model, self.candidates)
         strengths = {f"effects.{e.name}.{e.strength}" for e in self.candidates}
         priors = {}
-        for path in (p for name in names for p in paths_of(self.model, name) if p not in strengths):
-            default = float(entries[path].value)
+        for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
+            default = float(get(defaults, path))
             size = entries[path].typical or abs(default)
             centre = float(get(model, path)) if entries[path].positive else default
             priors[path] = Prior(centre, abs(centre) if entries[path].positive else size)
@@ -65,11 +78,10 @@ class Workbench:
 
     def free(self, model: AbstractActuator, effects: Sequence[str]) -> tuple[Free, NDArray[np.int64]]:
         """The declared parameters and those of `effects`, free, from their values in `model`."""
-        chosen = self.free_paths(model, effects)
+        chosen, order = self.free_paths(model, effects), self.order(model)
         scales = {path: 0.5 * abs(float(get(model, path))) for path in chosen}
         priors = {**self.priors, **self.shape_priors(model, effects)}
-        free_parameters = free(model, chosen, priors, scales, self.order)
-        return free_parameters, np.array([self.order.index(path) for path in chosen], dtype=int)
+        return free(model, chosen, priors, scales, order), np.array([order.index(p) for p in chosen], int)
 
     def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
         """`model` with its declared parameters back at the values of the card."""
@@ -86,13 +98,14 @@ class Workbench:
         self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int
     ) -> tuple[AbstractActuator, Minimum]:
         """`model` with its declared parameters and those of `effects` fitted to `problem`."""
+        model = self.dressed(model, effects)
         description, chosen = self.free(model, effects)
         minimum = minimise(model, problem, description, chosen, self.width, steps)
         return description.apply(model, jnp.asarray(minimum.z)), minimum
 
     def residuals(self, model: AbstractActuator, problem: Problem) -> Residuals:
         """Weighted residuals, as NumPy arrays."""
-        return {out: np.asarray(r) for out, r in _residuals(model, problem).items()}  # pyright: ignore
+        return {out: np.asarray(r) for out, r in evaluate(model, problem).items()}  # pyright: ignore
 
     def cost(self, model: AbstractActuator, problem: Problem) -> float:
         """Half the sum of squared weighted residuals, without priors."""
@@ -101,33 +114,27 @@ class Workbench:
     def jacobian(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
     ) -> tuple[Float[NDArray, " n"], Float[NDArray, "k n"]]:
-        """Residual vector and its derivatives with respect to the parameters `paths` (in their own units)."""
+        """Residual vector and its derivatives with respect to the parameters `paths` (in their own units).
+
+        The residual vector ends with the distances from the priors of the declared parameters and of the
+        shapes of `effects`.
+        """
+        model = self.dressed(model, effects)
         description, _ = self.free(model, effects)
         linear = eqx.tree_at(
             lambda f: (f.kind, f.scale),
             description,
             (jnp.zeros_like(description.kind), jnp.ones_like(description.scale)),
         )
-        rows = self.width + len(self.candidates)
-        directions = np.zeros((rows, len(self.order)))
-        directions[np.arange(len(paths)), [self.order.index(path) for path in paths]] = 1.0
-        value, slopes = sensitivities(
-            model, problem, linear, jnp.zeros(len(self.order)), jnp.asarray(directions)
+        order = self.order(model)
+        return sensitivities(
+            model, problem, linear, np.array([order.index(path) for path in paths], int), self.width
         )
-        return np.asarray(value), np.asarray(slopes)[: len(paths)]
 
 
 def workbench(
     actuator: AbstractActuator, priors: Mapping[str, Prior], candidates: Sequence[type[AbstractEffect]]
 ) -> Workbench:
-    """Load `actuator` with `candidates`."""
-    model = loaded(actuator, candidates)
-    extra = [path for effect in candidates for path in paths_of(model, effect.name)]
-    return Workbench(
-        model,
-        tuple(candidates),
-        tuple(priors),
-        (*priors, *extra),
-        dict(priors),
-        len(priors) + SPARE,
-    )
+    """Load `actuator` with those of the `candidates` that have no state."""
+    model = loaded(actuator, [effect for effect in candidates if not carries_state(effect)])
+    return Workbench(model, tuple(candidates), tuple(priors), dict(priors), len(priors) + SPARE)

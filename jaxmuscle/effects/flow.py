@@ -35,7 +35,7 @@ class CommandDelay(AbstractStaticEffect):
     slot: ClassVar = COMMAND
     reads: ClassVar = frozenset({"command", "past"})
     strength: ClassVar = "delay"
-    starts: ClassVar = ({},)
+    starts: ClassVar = tuple({"delay": delay} for delay in (0.003, 0.006, 0.012, 0.025, 0.05, 0.1))
     source: ClassVar = "dead time"
 
     delay: Scalar = parameter("s", "dead time of the command", default=0.0, nonnegative=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Free
-from jaxmuscle.fitting.problem import Problem, residuals
+from jaxmuscle.fitting.problem import Problem, evaluate, residuals
 
 TOLERANCE = 3e-4
 """Relative fall of the cost over one accepted step at which a fit ends."""
@@ -49,47 +49,111 @@ def minimise(
     """
     if len(chosen) > width:
         raise ValueError(f"{len(chosen)} parameters are free, but the fit was laid out for {width}")
+    scaled = _scaled(model, problem, free, chosen, width)
+    y, cost, taken, converged, _ = _solve(scaled, jnp.asarray(steps))
+    cost, z = float(cost), np.asarray(scaled.select) @ np.asarray(y)
+    return Minimum(z, cost, bool(converged) and bool(np.isfinite(cost)), int(taken))
+
+
+def sensitivities(
+    model: AbstractActuator, problem: Problem, free: Free, chosen: NDArray[np.int64], width: int
+) -> tuple[Float[NDArray, " residuals"], Float[NDArray, "chosen residuals"]]:
+    """Residual vector at z = 0 and its derivatives with respect to the entries `chosen`, by forward mode.
+
+    They come out of the first step of :func:`minimise`, so that nothing is compiled for them alone.
+    """
+    rows = []
+    for first in range(0, len(chosen), width):
+        part = chosen[first : first + width]
+        *_, slopes = _solve(_scaled(model, problem, free, part, width), jnp.asarray(1))
+        rows.append(np.asarray(slopes)[: len(part)])
+    return _vector(model, problem, free), np.concatenate(rows)
+
+
+def _vector(model: AbstractActuator, problem: Problem, free: Free) -> NDArray[np.float64]:
+    """The residual vector at z = 0."""
+    zero = jnp.zeros(len(free.paths))
+    parts = evaluate(free.apply(model, zero), problem)
+    stacked = [*(part.ravel() for part in parts.values()), free.prior_residuals(zero)]  # pyright: ignore
+    return np.concatenate([np.asarray(part) for part in stacked])
+
+
+class _Scaled(eqx.Module):
+    """Residuals of a machine as a function of `width` coordinates y, z = select y, divided by `unit`.
+
+    optimistix begins with a damping of 1: against the sensitivities of a wrong model in units of the
+    sensors' noise that is nothing, and a dozen steps would be rejected before it counts. With this unit it
+    is :data:`FIRST_DAMPING` of the squared norm of the residuals at the start.
+    """
+
+    model: AbstractActuator
+    problem: Problem
+    free: Free
+    select: Float[Array, "parameters width"]
+    unit: Float[Array, ""]
+
+
+def _scaled(
+    model: AbstractActuator, problem: Problem, free: Free, chosen: NDArray[np.int64], width: int
+) -> _Scaled:
     select = np.zeros((len(free.paths), width))
     select[chosen, np.arange(len(chosen))] = 1.0
-    start = max(float(_cost(model, problem, free)), 1e-300)
-    y, relative, taken, converged = _solve(
-        model, problem, free, jnp.asarray(select), jnp.asarray(steps), jnp.asarray(start)
-    )
-    cost = start * float(relative)
-    return Minimum(select @ np.asarray(y), cost, bool(converged) and bool(np.isfinite(cost)), int(taken))
+    squares = max(float((_vector(model, problem, free) ** 2).sum()), 1e-300)
+    return _Scaled(model, problem, free, jnp.asarray(select), jnp.sqrt(FIRST_DAMPING * squares))
 
 
 @eqx.filter_jit
-def _cost(model: AbstractActuator, problem: Problem, free: Free) -> Array:
-    """Half the sum of squares at z = 0."""
-    return 0.5 * (residual_vector(model, problem, free, jnp.zeros(len(free.paths))) ** 2).sum()
+def _value_and_slopes(y: Array, scaled: _Scaled) -> tuple[Array, Array]:
+    """Scaled residuals and their derivatives along every coordinate: one simulation with all tangents.
+
+    Compiled by itself so that it is traced once, wherever the solver differentiates.
+    """
+
+    def pushed(direction: Array) -> tuple[Array, Array]:
+        return jax.jvp(lambda y: _values(y, scaled), (y,), (direction,))
+
+    return jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(y)))
+
+
+def _values(y: Array, scaled: _Scaled) -> Array:
+    return residual_vector(scaled.model, scaled.problem, scaled.free, scaled.select @ y) / scaled.unit
+
+
+@eqx.filter_custom_jvp
+def _stacked(y: Array, scaled: _Scaled) -> Array:
+    """What optimistix minimises.
+
+    Its derivative is the matrix of all slopes: differentiating it, as the solver does wherever it looks at
+    the function, costs one forward simulation and no new tracing.
+    """
+    return _value_and_slopes(y, scaled)[0]
+
+
+@_stacked.def_jvp
+def _stacked_jvp(primals: tuple[Array, _Scaled], tangents: tuple[Array, Any]) -> tuple[Array, Array]:
+    value, slopes = _value_and_slopes(*primals)
+    return value, tangents[0] @ slopes
 
 
 @eqx.filter_jit
-def _solve(
-    model: AbstractActuator, problem: Problem, free: Free, select: Array, limit: Array, start: Array
-) -> tuple[Array, Array, Array, Array]:
+def _solve(scaled: _Scaled, limit: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Run optimistix's solver step by step: its own test waits for every coordinate, even one without effect.
 
-    The residuals are scaled by their norm at the start. optimistix begins with a damping of 1: against the
-    sensitivities of a wrong model in units of the sensors' noise that is nothing, and a dozen steps would be
-    rejected before it counts. Scaled so, it is :data:`FIRST_DAMPING` of the squared norm.
+    Returns y, the cost there, steps taken, whether it settled, and the slopes of the residuals there.
     """
-    unit = jnp.sqrt(2 * FIRST_DAMPING * start)
 
-    def stacked(y: Array, _: None) -> tuple[Array, None]:
-        return residual_vector(model, problem, free, select @ y) / unit, None
+    def fn(y: Array, scaled: _Scaled) -> tuple[Array, None]:
+        return _stacked(y, scaled), None
 
     solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     options, tags = {"jac": "fwd"}, frozenset()
-    y = jnp.zeros(select.shape[1])
-    fn = eqx.filter_closure_convert(stacked, y, None)
-    shape, aux = jax.eval_shape(fn, y, None)
-    first: Any = solver.init(fn, y, None, options, shape, aux, tags)
+    y = jnp.zeros(scaled.select.shape[1])
+    shape, aux = eqx.filter_eval_shape(fn, y, scaled)
+    first: Any = solver.init(fn, y, scaled, options, shape, aux, tags)
     moving, fixed = eqx.partition(first, eqx.is_array)
 
     def cost(state: Any) -> Array:
-        return FIRST_DAMPING * (state.f_info.residual**2).sum()
+        return 0.5 * scaled.unit**2 * (state.f_info.residual**2).sum()
 
     def going(carry: tuple[Array, Any, Array]) -> Array:
         _, state, settled = carry
@@ -99,30 +163,18 @@ def _solve(
     def step(carry: tuple[Array, Any, Array]) -> tuple[Array, Any, Array]:
         y, moving, _ = carry
         before = eqx.combine(moving, fixed)
-        y, after, _ = solver.step(fn, y, None, options, before, tags)  # pyright: ignore
+        y, after, _ = solver.step(fn, y, scaled, options, before, tags)  # pyright: ignore
         accepted = (after.num_accepted_steps > before.num_accepted_steps) & (before.num_accepted_steps > 0)
         settled = accepted & (cost(after) > (1 - TOLERANCE) * cost(before))
         return y, eqx.partition(after, eqx.is_array)[0], settled
 
     y, moving, settled = jax.lax.while_loop(going, step, (y, moving, jnp.asarray(False)))
     tired = moving.num_steps_since_acceptance >= REJECTIONS
-    return y, cost(moving), moving.num_steps, settled | tired
+    slopes = scaled.unit * jax.vmap(eqx.combine(moving, fixed).f_info.jac.mv)(jnp.eye(len(y)))
+    return y, cost(moving), moving.num_steps, settled | tired, slopes
 
 
 def residual_vector(model: AbstractActuator, problem: Problem, free: Free, z: Array) -> Array:
     """All weighted residuals and the distances from the priors, as one vector."""
     parts = residuals(free.apply(model, z), problem)
     return jnp.concatenate([*(part.ravel() for part in parts.values()), free.prior_residuals(z)])
-
-
-@eqx.filter_jit
-def sensitivities(
-    model: AbstractActuator, problem: Problem, free: Free, z: Array, directions: Float[Array, "k parameters"]
-) -> tuple[Array, Float[Array, "k residuals"]]:
-    """Residual vector at z and its derivatives along `directions`, by forward mode."""
-
-    def vector(z: Array) -> Array:
-        return residual_vector(model, problem, free, z)
-
-    value, push = jax.linearize(vector, z)
-    return value, jax.vmap(push)(directions)

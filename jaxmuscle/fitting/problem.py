@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -96,12 +95,16 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
     return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
 
 
+evaluate = eqx.filter_jit(residuals)
+"""Weighted residuals, compiled once for each structure of a model."""
+
+
 def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
     """Variance that the uncertainty of the smoothed states puts on the predictions of the links.
 
     Each rate of a measured state, the least certain of what is smoothed, is shifted by ± its standard
     deviation, both where it starts a window and where it is imposed; half the
-    difference of the predictions, squared, is summed.
+    difference of the predictions, squared, is summed. Zero where nothing counts.
     """
 
     def shifted(name: str, sign: float) -> Residuals:
@@ -109,13 +112,16 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
         track = eqx.tree_at(
             lambda t: t.measured, problem.track, {**measured, name: measured[name] + sign * spread[name]}
         )
-        return link_predictions(actuator, eqx.tree_at(lambda p: p.track, problem, track))
+        return evaluate(actuator, eqx.tree_at(lambda p: p.track, problem, track))  # pyright: ignore
 
     total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
     for name in actuator.derivatives:
         up, down = shifted(name, 1.0), shifted(name, -1.0)
         total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
-    return jax.tree.map(lambda variance: jnp.where(jnp.isfinite(variance), variance, 0.0), total)
+    return {
+        out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
+        for out, w in problem.weights.items()
+    }
 
 
 def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start) -> Array:

@@ -7,11 +7,13 @@ from oracles import bench
 from jaxmuscle.diagnosis.candidates import (
     MULTIPLES,
     OPPOSITE,
+    carries_state,
     linear_strength,
     loaded,
     missing,
     paths_of,
-    starts,
+    shapes,
+    strengths,
 )
 from jaxmuscle.effects import BY_NAME, CATALOGUE
 from jaxmuscle.parameters import get
@@ -71,27 +73,33 @@ def test_loaded_carries_all_at_zero_strength():
         assert all(path.startswith(f"effects.{effect.name}.") for path in paths_of(carrying, effect.name))
 
 
-def test_starts_are_multiples_of_the_estimate():
+def test_strengths_are_multiples_of_the_estimate():
     path = "effects.load_friction.force"
-    found = list(starts(BY_NAME["load_friction"], -4.0, nonnegative=True))
+    found = list(strengths(BY_NAME["load_friction"], {}, -4.0, nonnegative=True))
     assert found == [{path: multiple * 4.0} for multiple in MULTIPLES]
-    signed = list(starts(BY_NAME["bladder_stiffness"], -4.0, nonnegative=False))
+    signed = list(strengths(BY_NAME["bladder_stiffness"], {}, -4.0, nonnegative=False))
     both = (*MULTIPLES, *OPPOSITE)
     assert signed == [{"effects.bladder_stiffness.stiffness": -multiple * 4.0} for multiple in both]
 
 
-def test_starts_that_give_the_strength_are_taken_as_they_are():
-    effect = BY_NAME["thread_friction"]
-    found = list(starts(effect, 1e3, nonnegative=True))
-    assert found == [{f"effects.thread_friction.{k}": v for k, v in s.items()} for s in effect.starts]
+@pytest.mark.parametrize("name", ["thread_friction", "command_delay"])
+def test_shapes_that_give_the_strength_are_taken_as_they_are(name):
+    effect = BY_NAME[name]
+    found = [start for shape in shapes(effect) for start in strengths(effect, shape, 1e3, nonnegative=True)]
+    assert found == [{f"effects.{name}.{k}": v for k, v in s.items()} for s in effect.starts]
 
 
 def test_every_shape_with_every_multiple():
     effect = BY_NAME["gravity"]
-    found = list(starts(effect, 2.0, nonnegative=False))
+    found = [start for shape in shapes(effect) for start in strengths(effect, shape, 2.0, nonnegative=False)]
     strength, shape = f"effects.gravity.{effect.strength}", "effects.gravity.hanging_angle"
     assert [(s[shape], s[strength]) for s in found] == [
         (given["hanging_angle"], multiple * 2.0)
         for given in effect.starts
         for multiple in (*MULTIPLES, *OPPOSITE)
     ]
+
+
+def test_effects_with_a_state_of_their_own():
+    names = {effect.name for effect in CATALOGUE if carries_state(effect)}
+    assert names == {"length_hysteresis", "creep", "force_sensor_lag"}

@@ -7,7 +7,7 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.fit import minimise, sensitivities
+from jaxmuscle.fitting.fit import minimise, residual_vector, sensitivities
 from jaxmuscle.fitting.free import free
 from jaxmuscle.parameters import get, replace
 
@@ -49,8 +49,7 @@ def fitted(prepared, start, *, chosen=PATHS, width=WIDTH, steps=60):
 def deviations(prepared, model, description):
     """Standard deviations of the parameters: (JᵀJ)⁻¹ at the minimum, in their own units."""
     here = free(model, PATHS, {}, {}, PATHS)
-    _, slopes = sensitivities(model, prepared.training, here, jnp.zeros(len(PATHS)), jnp.eye(len(PATHS)))
-    scaled = np.asarray(slopes)
+    _, scaled = sensitivities(model, prepared.training, here, np.arange(len(PATHS)), WIDTH)
     return np.sqrt(np.diag(np.linalg.inv(scaled @ scaled.T))) * np.asarray(here.scale)
 
 
@@ -91,9 +90,7 @@ def test_step_limit(prepared):
     """The best point so far, and no claim to have converged."""
     _, begun, description = fitted(prepared, STARTS["above"], steps=1)
     model = replace(prepared.actuator, STARTS["above"])
-    residual, _ = sensitivities(
-        model, prepared.training, description, jnp.zeros(len(PATHS)), jnp.eye(len(PATHS))
-    )
+    residual, _ = sensitivities(model, prepared.training, description, np.arange(len(PATHS)), WIDTH)
     start = 0.5 * float((residual**2).sum())
     assert not begun.converged
     assert begun.steps == 1
@@ -104,3 +101,16 @@ def test_step_limit(prepared):
 def test_more_free_than_laid_out(prepared):
     with pytest.raises(ValueError, match="5 parameters are free, but the fit was laid out for 3"):
         fitted(prepared, STARTS["above"], width=3)
+
+
+@pytest.mark.parametrize("width", [2, WIDTH, WIDTH + 3])
+def test_sensitivities_are_finite_differences(prepared, width):
+    """Whatever the number of tangents that are pushed at a time."""
+    model = replace(prepared.actuator, STARTS["mixed"])
+    description = free(model, PATHS, {}, {}, PATHS)
+    value, slopes = sensitivities(model, prepared.training, description, np.arange(len(PATHS)), width)
+    at = lambda z: np.asarray(residual_vector(model, prepared.training, description, z))  # noqa: E731
+    np.testing.assert_allclose(value, at(jnp.zeros(len(PATHS))), rtol=1e-9, atol=1e-9)
+    for direction, slope in zip(np.eye(len(PATHS)), slopes, strict=True):
+        difference = (at(jnp.asarray(1e-5 * direction)) - at(jnp.asarray(-1e-5 * direction))) / 2e-5
+        np.testing.assert_allclose(slope, difference, atol=1e-5 * np.abs(difference).max())

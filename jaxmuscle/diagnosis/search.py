@@ -1,0 +1,68 @@
+"""The best that a model with one more effect can do: from where to start, and the fit from there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.diagnosis.candidates import linear_strength, shapes, strength_path, strengths
+from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.parameters import parameters, replace
+
+SHORT_STEPS, LONG_STEPS = 12, 60
+"""Steps of the fit from each base, and of the better one of them to its end."""
+
+
+def search(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> AbstractActuator:
+    """`model` with `effect` added and everything fitted to `problem`.
+
+    Two short fits are made, from the fitted model and from the values of the card, and the better one is
+    carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
+    of its own. Each begins where the cost is least among several strengths of several shapes.
+    """
+    names = [*accepted, effect.name]
+    fits = []
+    for base in (model, bench.with_card_values(model)):
+        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS))
+    best, minimum = min(fits, key=lambda fit: fit[1].cost)
+    return best if minimum.converged else bench.fit(best, names, problem, LONG_STEPS)[0]
+
+
+def _best_start(
+    bench: Workbench,
+    base: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> AbstractActuator:
+    """`base` with the strength and shape of `effect` at which the cost is least."""
+    nonnegative = parameters(base)[strength_path(effect)].nonnegative
+    tries = []
+    for shape in shapes(effect):
+        given = strength_path(effect) in shape
+        estimate = 0.0 if given else _estimate(bench, replace(base, shape), accepted, effect, problem)
+        tries += [replace(base, start) for start in strengths(effect, shape, estimate, nonnegative)]
+    return min(tries, key=lambda trial: bench.cost(trial, problem))
+
+
+def _estimate(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> float:
+    """Strength of `effect` by one linear step, the parameters that are free anyway moving along."""
+    own = bench.free_paths(model, accepted)
+    paths = [*own, strength_path(effect)]
+    residual, slopes = bench.jacobian(model, problem, paths, [*accepted, effect.name])
+    return linear_strength(residual, slopes[: len(own)], slopes[len(own)])[0]
