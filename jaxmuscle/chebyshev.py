@@ -24,9 +24,11 @@ DAMPING = 2 / 13
 
 
 class Stage(NamedTuple):
-    r"""Stage j: Y_j = a Y_0 + b Y_{j-1} + c Y_{j-2} + h (d F_{j-1} + e F_0), at time t_0 + f h."""
+    r"""Stage j at t_0 + f h: D_j = a D_{j-1} + b D_{j-2} + h (c F_{j-1} + d F_0), with D_j = Y_j - Y_0.
 
-    start: float
+    The paper's recurrence is in Y_j; in the increments rounding is that of the last addition alone.
+    """
+
     last: float
     before: float
     rate: float
@@ -46,13 +48,13 @@ def stages_of(count: int) -> list[Stage]:
     b[2:] = curve[2:] / slope[2:] ** 2
     b[:2] = b[2]
     a = 1 - b * value
-    found = [Stage(0.0, 1.0, 0.0, float(b[1] * w1), 0.0, float(b[1] * w1))]
+    found = [Stage(0.0, 0.0, float(b[1] * w1), 0.0, float(b[1] * w1))]
     nodes = [0.0, found[0].node]
     for j in range(2, count + 1):
         mu, nu, rate = 2 * b[j] * w0 / b[j - 1], -b[j] / b[j - 2], 2 * b[j] * w1 / b[j - 1]
         first = -a[j - 1] * rate
         nodes.append(mu * nodes[j - 1] + nu * nodes[j - 2] + rate + first)
-        found.append(Stage(*map(float, (1 - mu - nu, mu, nu, rate, first, nodes[j]))))
+        found.append(Stage(*map(float, (mu, nu, rate, first, nodes[j]))))
     return found
 
 
@@ -75,14 +77,15 @@ class ChebyshevRungeKutta(diffrax.AbstractSolver):
         del solver_state, made_jump
         width = t1 - t0
         first = rate = terms.vf(t0, y0, args)
-        before, last, node = y0, y0, 0.0
+        before = last = 0.0 * y0
+        node = 0.0
         for stage in stages_of(self.stages):
             if node:
-                rate = terms.vf(t0 + node * width, last, args)
+                rate = terms.vf(t0 + node * width, y0 + last, args)
             slope = stage.rate * rate + stage.first_rate * first
-            now = stage.start * y0 + stage.last * last + stage.before * before + width * slope
-            before, last, node = last, now, stage.node
-        return last, None, {"y0": y0, "y1": last}, None, RESULTS.successful
+            before, last = last, stage.last * last + stage.before * before + width * slope
+            node = stage.node
+        return y0 + last, None, {"y0": y0, "y1": y0 + last}, None, RESULTS.successful
 
     def func(self, terms, t0, y0, args) -> Array:
         """The vector field."""

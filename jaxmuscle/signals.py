@@ -38,12 +38,13 @@ class Past(eqx.Module):
 
     A delay that is no multiple of the sampling step gives the mean of the delayed command over the
     interval, so that the value is continuous in the delay and has a one-sided derivative at zero.
-    Before row `first` the command was what it is there.
+    Before row `first`, where the machine is taken to be at rest, the command was `before`.
     """
 
     table: Float[Array, "samples *muscles"]
     row: Array
     step: Float[Array, ""]
+    before: Muscles
     first: Array | int = 0
 
     def __call__(self, delay: Float[Array, ""]) -> Muscles:
@@ -52,9 +53,10 @@ class Past(eqx.Module):
         whole = jnp.floor(lag)
         part = lag - whole
         row = self.row - whole.astype(int)
-        later = self.table[jnp.maximum(row, self.first)]
-        earlier = self.table[jnp.maximum(row - 1, self.first)]
-        return (1 - part) * later + part * earlier
+        return (1 - part) * self._at(row) + part * self._at(row - 1)
+
+    def _at(self, row: Array) -> Muscles:
+        return jnp.where(row >= self.first, self.table[jnp.maximum(row, self.first)], self.before)
 
 
 class Signals(eqx.Module):

@@ -60,6 +60,21 @@ class Start(eqx.Module):
     memory: States
 
 
+class Restarts(eqx.Module):
+    """Every `period` samples a run goes back to what was measured, its other states to `hidden`.
+
+    The period is data: runs of any length of prediction share one compilation.
+    """
+
+    period: Int[Array, ""]
+    hidden: Start
+
+    def at(self, row: Array, track: Track) -> Start:
+        """States and memories with which a run begins anew at `row`."""
+        carried = jax.tree.map(lambda values: values[row], self.hidden)
+        return Start({**carried.state, **track.at(row)}, carried.memory)
+
+
 class Run(eqx.Module):
     """Readings at the samples of a run, and the states and memories with which each sample begins."""
 
@@ -70,11 +85,11 @@ class Run(eqx.Module):
 def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0) -> Start:
     """The measured states of a sample, everything else at rest."""
     state = actuator.rest(track.at(jnp.asarray(row)))
-    held = _held(actuator, track, jnp.asarray(row), {})
+    held = held_at(actuator, track, jnp.asarray(row), {})
     bare = actuator.without_effects(*actuator.effects)
     states, memory = initial_states(actuator.effects, bare.signals(state, held))
     # Once more under the signals that these states make: a lagging sensor starts at the whole force.
-    whole = actuator.signals({**state, "effects": states}, _held(actuator, track, jnp.asarray(row), memory))
+    whole = actuator.signals({**state, "effects": states}, held_at(actuator, track, jnp.asarray(row), memory))
     states, memory = initial_states(actuator.effects, whole)
     return Start({**state, "effects": states}, memory)
 
@@ -89,6 +104,7 @@ def run(
     imposed: tuple[str, ...],
     substeps: int,
     keep: tuple[str, ...] = (),
+    restarts: Restarts | None = None,
 ) -> Run:
     """Simulate `samples` samples from `row` on, the states `imposed` following the measured ones.
 
@@ -96,6 +112,7 @@ def run(
         start: states and memories at `row`; entries for imposed states are not used.
         substeps: solver steps between two samples.
         keep: states whose value at each sample is returned beside the readings.
+        restarts: when the run begins anew from what was measured; never when `None`.
 
     Returns:
         readings and kept states, each with a leading axis of `samples`.
@@ -111,9 +128,12 @@ def run(
         now, then = track.at(here), track.at(here + 1)
         if track.begins is not None:
             packed, memory = _fresh_where(
-                track.begins[here], actuator, track, here, packed, memory, tuple(free)
+                track.begins[here], start_at_rest(actuator, track, here), packed, memory, tuple(free)
             )
-        held = _held(actuator, track, here, memory)
+        if restarts is not None:
+            again = index % restarts.period == 0
+            packed, memory = _fresh_where(again, restarts.at(here, track), packed, memory, tuple(free))
+        held = held_at(actuator, track, here, memory)
 
         def whole(packed, fraction) -> State:
             path = {name: now[name] + fraction * (then[name] - now[name]) for name in imposed}
@@ -125,7 +145,7 @@ def run(
 
         def substep(carry, begin):
             packed, memory = carry
-            held = _held(actuator, track, here, memory)
+            held = held_at(actuator, track, here, memory)
 
             @jax.jit  # traced once for all stages of the solver
             def field(t, packed, _):
@@ -150,19 +170,12 @@ def run(
 
 
 def _fresh_where(
-    begins: Array,
-    actuator: AbstractActuator,
-    track: Track,
-    row: Array,
-    packed: Array,
-    memory: States,
-    names: tuple[str, ...],
+    begins: Array, fresh: Start, packed: Array, memory: States, names: tuple[str, ...]
 ) -> tuple[Array, States]:
-    """The packed state and the memories, at rest where a new stretch begins."""
-    fresh = start_at_rest(actuator, track, row)
-    at_rest = ravel_pytree({name: fresh.state[name] for name in names})[0]
+    """The packed state and the memories, those of `fresh` where a new stretch begins."""
+    anew = ravel_pytree({name: fresh.state[name] for name in names})[0]
     choose = lambda new, old: jnp.where(begins, new, old)  # noqa: E731
-    return choose(at_rest, packed), jax.tree.map(choose, fresh.memory, dict(memory))
+    return choose(anew, packed), jax.tree.map(choose, dict(fresh.memory), dict(memory))
 
 
 def _solver_step(field: Any, begin: Array, end: Array, packed: Array) -> Array:
@@ -172,9 +185,13 @@ def _solver_step(field: Any, begin: Array, end: Array, packed: Array) -> Array:
     return solver.step(term, begin, end, packed, None, solver_state, made_jump=False)[0]
 
 
-def _held(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
-    past = Past(track.command, row, track.step, track.first(row)) if actuator.commands else None
-    return Held(track.command[row], past, memory)
+def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
+    """What stays as it is from a sample to the next: the command, its past, the memories of effects."""
+    if not actuator.commands:
+        return Held(track.command[row], None, memory)
+    first = track.first(row)
+    before = actuator.resting_command(track.at(jnp.asarray(first)))
+    return Held(track.command[row], Past(track.command, row, track.step, before, first), memory)
 
 
 def observe(actuator: AbstractActuator, track: Track, samples: int) -> Start:
@@ -200,16 +217,25 @@ def predict(
     imposed: tuple[str, ...],
     substeps: int,
     hidden: Start,
+    period: Int[Array, ""] | None = None,
 ) -> dict[str, Array]:
     """Readings of windows of `samples` samples, each started at its row from the measured state.
 
-    The states that are not measured start from `hidden`, as :func:`observe` gives them. Returns readings
-    with leading axes (windows, samples).
+    The states that are not measured start from `hidden`, as :func:`observe` gives them; all start anew
+    every `period` samples, if one is given. Returns readings with leading axes (windows, samples).
     """
+    restarts = Restarts(jnp.asarray(samples if period is None else period), hidden)
 
     def window(row: Array) -> dict[str, Array]:
-        carried = jax.tree.map(lambda values: values[row], hidden)
-        start = Start({**carried.state, **track.at(row)}, carried.memory)
-        return run(actuator, track, start, row, samples=samples, imposed=imposed, substeps=substeps).readings
+        return run(
+            actuator,
+            track,
+            restarts.at(row, track),
+            row,
+            samples=samples,
+            imposed=imposed,
+            substeps=substeps,
+            restarts=None if period is None else restarts,
+        ).readings
 
     return jax.vmap(window)(rows)

@@ -71,6 +71,10 @@ class AbstractActuator(eqx.Module):
     def rest(self, measured: Mapping[str, Array]) -> State:
         """The machine's own states with the measured ones as given and the others at rest."""
 
+    def resting_command(self, measured: Mapping[str, Array]) -> Array:
+        """The command under which the machine rests at the measured states; for rigs that have one."""
+        raise NotImplementedError(f"rig {self.rig!r} has no command")
+
     @abc.abstractmethod
     def signals(self, state: State, held: Held) -> Signals:
         """The chain from the command to the load under the given state."""

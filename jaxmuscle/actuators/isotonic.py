@@ -77,6 +77,9 @@ class Isotonic(AbstractActuator):
     def rest(self, measured: Mapping[str, Array]) -> State:
         return {"opening": jnp.zeros(()), **measured}
 
+    def resting_command(self, measured: Mapping[str, Array]) -> Array:
+        return jnp.zeros(())
+
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         signals = Signals(

@@ -74,6 +74,9 @@ class Joint(AbstractActuator):
     def rest(self, measured: Mapping[str, Array]) -> State:
         return {"pressure_rate": jnp.zeros(2), **measured}
 
+    def resting_command(self, measured: Mapping[str, Array]) -> Array:
+        return measured["pressure"]
+
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         side = SIDES * self.sprocket_radius

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -12,11 +12,10 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.parameters import parameters
 
-MULTIPLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-"""Strengths that are tried, in units of the linear estimate: a large effect is far from linear, and one
-that a free parameter nearly imitates is estimated far too small."""
-OPPOSITE = (-0.3, -1.0, -3.0)
-"""The same with the other sign, for effects that can have it."""
+LEVELS = 6
+"""Strengths that are tried, of either sign, from one that is just seen to one that explains everything."""
+SEEN = 0.5
+"""Root mean square change of the predictions, in units of the noise, that is just seen."""
 
 
 def missing(
@@ -69,13 +68,18 @@ def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
         yield {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
 
 
-def strengths(
-    effect: type[AbstractEffect], shape: Mapping[str, float], estimate: float, nonnegative: bool
-) -> Iterator[Mapping[str, float]]:
-    """Starts of one shape: with the strength that it gives, or with multiples of the linear estimate."""
-    path = strength_path(effect)
-    if path in shape:
-        yield shape
-        return
-    for multiple in MULTIPLES if nonnegative else (*MULTIPLES, *OPPOSITE):
-        yield {**shape, path: multiple * (abs(estimate) if nonnegative else estimate)}
+def strengths(slope: Float[NDArray, " n"], residual: Float[NDArray, " n"], nonnegative: bool) -> list[float]:
+    """Strengths to try: a large effect is far from linear, one that others nearly imitate looks small.
+
+    Args:
+        slope: derivative of the weighted residuals with respect to the strength.
+        residual: the weighted residuals.
+        nonnegative: whether the strength cannot be negative.
+    """
+    counting = max(int(np.count_nonzero(residual)), 1)
+    unit = float(np.sqrt((slope**2).sum() / counting))
+    if not unit > 0 or not np.isfinite(unit):
+        return []
+    misfit = float(np.sqrt((residual**2).sum() / counting))
+    sizes = np.geomspace(SEEN, 3 * max(misfit, 1.0), LEVELS) / unit
+    return [float(s) for s in (sizes if nonnegative else np.concatenate([sizes, -sizes]))]

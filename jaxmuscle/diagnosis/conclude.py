@@ -11,39 +11,33 @@ import pandas as pd
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.errors import errors, noise_of, predicted_columns
-from jaxmuscle.diagnosis.rank import Candidate, fold_count
-from jaxmuscle.diagnosis.rates import MissingRate, missing_rates
+from jaxmuscle.diagnosis.rank import Candidate
+from jaxmuscle.diagnosis.rates import missing_rates
 from jaxmuscle.diagnosis.result import (
     Diagnosis,
-    Error,
     Estimate,
     FoundEffect,
-    Reveal,
     Round,
     Traces,
-    Unexplained,
 )
+from jaxmuscle.diagnosis.reveal import reveal
 from jaxmuscle.diagnosis.uncertainty import estimates
-from jaxmuscle.diagnosis.unknown import dependence, variables
+from jaxmuscle.diagnosis.unexplained import unexplained
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.recordings.units import column_unit
 
-SURPRISE = 3.0
-"""Ratio of errors on unseen and on training data above which the training data did not tell all."""
-UNEXPLAINED = 3.0
-"""Root mean square weighted residual of a link (1 = noise) above which something is left unexplained."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the search found: the two fitted models, what was added, and the searches."""
+    """What the search found: the two fitted models, what was added, the searches, fits to each fold."""
 
     declared: AbstractActuator
     model: AbstractActuator
     found: tuple[Candidate, ...]
     rounds: tuple[Round, ...]
+    folds: tuple[AbstractActuator, ...]
     converged: bool
 
 
@@ -59,14 +53,14 @@ def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) ->
 def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
     names = [candidate.effect.name for candidate in outcome.found]
-    values, correlations = estimates(bench, outcome.model, names, training)
+    values, correlations = estimates(bench, outcome.model, names, training, outcome.folds)
     declared = _lean(bench, outcome.declared, [])
     model = _lean(bench, outcome.model, names)
-    missing = missing_rates(case, model)
+    missing = missing_rates(case, outcome.model)
     traces = _traces(case, bench, outcome)
     after = errors(case, traces.after, traces.held_out)
-    unexplained = _unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
-    verdict = "effects found" if names else "unexplained" if unexplained else "complete"
+    left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
+    verdict = "effects found" if names else "unexplained" if left else "complete"
     rename = {path: _card_name(case.actuator, path) for path in values}
     return Diagnosis(
         recording=case.recording,
@@ -81,15 +75,14 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         units={c: column_unit(c, case.actuator.units.get("command", "")) for c in case.recording.columns},
         horizon=case.recording.card.horizon,
         held_out_fraction=float(traces.held_out.mean()),
-        unexplained=unexplained,
+        unexplained=left,
         parameters={rename[path]: estimate for path, estimate in values.items()},
         correlations=_renamed(correlations, rename),
-        reveal=_reveal(case, missing_rates(case, declared), missing),
+        reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
         traces=traces,
         converged=outcome.converged,
         seconds=time.perf_counter() - begin,
         settings={
-            "folds": fold_count(len(training.rows)),
             "windows": len(case.windows),
             "held_out_windows": int(case.windows.held_out.sum()),
             "substeps": case.problem.substeps,
@@ -126,26 +119,6 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
     )
 
 
-def _unexplained(
-    case: Case,
-    missing: list[MissingRate],
-    squares: dict[str, float],
-    after: dict[str, dict[str, Error]],
-) -> tuple[Unexplained, ...]:
-    """Links whose residual the final model leaves large, on the training data or only on unseen data."""
-    left = []
-    for rate in missing:
-        rms = float(np.sqrt(squares[rate.link.output]))
-        for column in case.actuator.outputs[rate.link.output]:
-            seen, unseen = (after[part][column].in_noise for part in ("training", "held_out"))
-            if unseen > SURPRISE * max(seen, 1.0):
-                rms = max(rms, unseen)
-        if rms > UNEXPLAINED:
-            found = dependence(rate, variables(case), case)
-            left.append(Unexplained(rate.link.signal, found.share, found.variables, rms))
-    return tuple(left)
-
-
 def _traces(case: Case, bench: Workbench, outcome: Outcome) -> Traces:
     held_out = np.zeros(len(case.recording), dtype=bool)
     windows = case.windows
@@ -160,32 +133,4 @@ def _traces(case: Case, bench: Workbench, outcome: Outcome) -> Traces:
         after=after,
         windows=windows.rows,
         held_out=held_out,
-    )
-
-
-def _reveal(case: Case, before: list[MissingRate], after: list[MissingRate]) -> Reveal | None:
-    """The link whose missing rate shrank most, against the variable on which it depended most."""
-    named = variables(case)
-    told = []
-    for old, new in zip(before, after, strict=True):
-        for column in old.values:
-            weight = 1 / np.maximum(old.spread[column], 1e-300)
-            fall = np.mean((old.values[column] * weight) ** 2) - np.mean((new.values[column] * weight) ** 2)
-            told.append((float(fall), old, new, column))
-    _, old, new, column = max(told, key=lambda entry: entry[0])
-    found = dependence(dataclasses.replace(old, values={column: old.values[column]}), named, case)
-    if not found.variables:
-        return None
-    variable = found.variables[0]
-    base = case.actuator.derivatives.get(variable)
-    source = case.actuator.measured[base][0] if base else variable
-    unit = column_unit(source, case.actuator.units.get("command", ""))
-    return Reveal(
-        signal=old.link.signal,
-        variable=variable,
-        variable_unit=f"{unit}/s" if base else unit,
-        unit=old.unit,
-        x=named[variable],
-        before=old.values[column],
-        after=new.values[column],
     )

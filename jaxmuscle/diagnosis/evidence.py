@@ -22,10 +22,10 @@ NOISE = float(np.log(2.0))
 Losses = Float[NDArray[np.float64], " blocks"]
 
 
-def blocks(windows: int, samples: int, parts: int) -> Blocks:
-    """Number of the block of each sample, when every window is cut into `parts`, window after window."""
-    within = np.minimum(np.arange(samples) * parts // samples, parts - 1)
-    return np.arange(windows)[:, None] * parts + within
+def blocks(windows: int, samples: int, period: int) -> Blocks:
+    """Number of the block of each sample, when every window is cut after `period` samples, and again."""
+    within = np.arange(samples) // period
+    return np.arange(windows)[:, None] * (within[-1] + 1) + within
 
 
 @dataclasses.dataclass(frozen=True)

@@ -27,10 +27,12 @@ LEAST_GAIN = 0.10
 """Part of the excess error on unseen windows that an effect must remove."""
 LARGEST_P = 0.01
 NOTHING_LEFT = 1.1
-"""Mean square weighted residual (1 = noise) of the training data below which no effect can gain that much."""
+"""Typical mean square weighted residual (1 = noise) below which what is left is not worth an effect."""
 TOLD_APART = 0.05
 """p-value below which the best candidate is told apart from another."""
 FIT_STEPS = 60
+PARTS = 4
+"""Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth."""
 SPREAD = 2.0
 """Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
 
@@ -69,16 +71,19 @@ def diagnose(
     prepared = case(recording, held_out, ignored)
     bench = workbench(prepared.actuator, prepared.priors, missing(prepared.actuator, catalogue))
     progress("fitting the declared model")
-    declared, minimum = bench.fit(bench.model, [], prepared.training, FIT_STEPS)
-    training = _with_spread(prepared, declared)
+    declared, _ = bench.fit(bench.model, [], prepared.training.in_parts(PARTS), FIT_STEPS)
+    parts = _with_spread(prepared, prepared.training.in_parts(PARTS), declared)
+    declared, _ = bench.fit(declared, [], parts, FIT_STEPS)
+    training = _with_spread(prepared, prepared.training, declared)
     declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
-    model, found, rounds = declared, [], []
+    model, found, rounds, folds = declared, [], [], ()
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
             break
-        ranking = rank(bench, model, [f.effect.name for f in found], training, progress)
+        ranking = rank(bench, model, [f.effect.name for f in found], parts, progress)
         best = _supported(ranking)
         rounds.append(_round(ranking, best))
+        folds = best.folds if best else ranking.folds
         if best is None:
             break
         found.append(best)
@@ -87,13 +92,12 @@ def diagnose(
         begins = (best.model, bench.with_card_values(best.model))
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
     progress("predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), minimum.converged)
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.converged)
     return conclude(prepared, bench, training, outcome, begin)
 
 
-def _with_spread(prepared: Case, model: AbstractActuator) -> Problem:
+def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> Problem:
     """The training windows, with weights that allow for what the smoothed states leave uncertain."""
-    training = prepared.training
     wider = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
     variance = expected_spread(model, training, wider)
     weights = {
@@ -106,7 +110,9 @@ def _with_spread(prepared: Case, model: AbstractActuator) -> Problem:
 def _supported(ranking: Ranking) -> Candidate | None:
     """The best candidate, if the unseen windows support it."""
     best = ranking.candidates[0] if ranking.candidates else None
-    if best is None or best.evidence.gain < LEAST_GAIN or best.evidence.p_value > LARGEST_P:
+    if best is None or ranking.loss < NOTHING_LEFT:
+        return None
+    if best.evidence.gain < LEAST_GAIN or best.evidence.p_value > LARGEST_P:
         return None
     return best
 

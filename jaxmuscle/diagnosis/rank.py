@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state
-from jaxmuscle.diagnosis.evidence import Evidence, Losses, block_losses, blocks, compare
+from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
 from jaxmuscle.diagnosis.search import search
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
@@ -19,29 +19,32 @@ from jaxmuscle.fitting.problem import Problem
 
 STEPS = 60
 """Most steps of a fit on the windows of a fold."""
-FEW_WINDOWS = 16
-"""Windows below which four folds are made instead of two: half of a short recording determines too little."""
+FEW = 64
+"""Blocks below which four folds are made instead of two: half of a short recording determines too little."""
 CORES = 2
 """Fits that run side by side."""
-BLOCKS = 4
-"""Parts into which a window is cut for the test: neighbouring samples are not independent."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """An effect, how well it predicts unseen windows, and the model fitted with it on all windows."""
+    """An effect, how well it predicts unseen windows, and the models fitted with it.
+
+    `model`: to all blocks; `folds`: to all but those of one fold, fold by fold.
+    """
 
     effect: type[AbstractEffect]
     evidence: Evidence
     losses: Losses
     model: AbstractActuator
+    folds: tuple[AbstractActuator, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Ranking:
-    """All candidates, best first, and the loss of the model without any of them."""
+    """All candidates, best first; the loss of the model without any of them, and its fits to each fold."""
 
     loss: float
+    folds: tuple[AbstractActuator, ...]
     candidates: tuple[Candidate, ...]
 
 
@@ -54,18 +57,15 @@ def rank(
 ) -> Ranking:
     """Rank the candidates that are not yet accepted.
 
-    The model with each candidate is first fitted to all windows (:func:`search`), which tells its valley.
-    The windows, ordered by how much moves in them, go to two folds in turn (four when they are few): from
-    there the present model and each candidate are fitted on all folds but one, with all parameters that
-    are free anyway, and judged on that one.
-
-    Args:
-        model: the present model, fitted to `problem`.
+    The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. The
+    blocks, stretches predicted in one go, ordered by how much moves in them, go to two folds in turn (four
+    when they are few): from there the present model and each candidate are fitted on all folds but one, with
+    all parameters that are free anyway, and judged on that one.
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what has to be compiled for itself comes first
-    count = fold_count(len(problem.rows))
-    folds = Folds(problem, count)
+    folds = Folds(problem)
+    count = folds.count
     with ThreadPoolExecutor(CORES) as pool:
         searched = []
         for number, found in enumerate(pool.map(lambda e: search(bench, model, accepted, e, problem), rest)):
@@ -75,42 +75,56 @@ def rank(
         models = [(model, list(accepted))]
         models += [(found, [*accepted, e.name]) for e, found in zip(rest, searched, strict=True)]
         tasks = [(*entry, fold) for entry in models for fold in range(count)]
-        losses = list(pool.map(lambda task: folds.losses(bench, *task), tasks))
-    base, *others = [np.concatenate(losses[i : i + count]) for i in range(0, len(losses), count)]
+        judged = list(pool.map(lambda task: folds.judged(bench, *task), tasks))
+    losses = [
+        np.concatenate([loss for loss, _ in judged[i : i + count]]) for i in range(0, len(judged), count)
+    ]
+    fitted = [tuple(model for _, model in judged[i : i + count]) for i in range(0, len(judged), count)]
+    base = losses[0]
     candidates = [
-        Candidate(effect, compare(base, own), own, found)
-        for effect, own, found in zip(rest, others, searched, strict=True)
+        Candidate(effect, compare(base, own), own, found, models)
+        for effect, own, found, models in zip(rest, losses[1:], searched, fitted[1:], strict=True)
     ]
     candidates.sort(key=lambda candidate: candidate.evidence.loss)
-    return Ranking(float(np.expm1(base.mean())), tuple(candidates))
-
-
-def fold_count(windows: int) -> int:
-    """Number of folds: each is judged by models fitted on the others."""
-    return 4 if windows < FEW_WINDOWS else 2
+    return Ranking(float(np.expm1(base.mean())), fitted[0], tuple(candidates))
 
 
 class Folds:
-    """The windows of a problem in several parts, each with its share of what moves."""
+    """The blocks of a problem in several parts, each with its share of what moves."""
 
-    def __init__(self, problem: Problem, count: int) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.block = blocks(len(problem.rows), problem.samples, BLOCKS)
-        self.fold_of = _folds(problem, count)
+        self.block = blocks(len(problem.rows), problem.samples, int(problem.period))
+        number = int(self.block.max()) + 1
+        self.count = 4 if number < FEW else 2
+        order = np.argsort(-_extent(problem, self.block), kind="stable")
+        self.fold_of = np.empty(number, dtype=int)
+        self.fold_of[order] = np.arange(number) % self.count
 
-    def losses(self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int) -> Losses:
-        """Losses on one fold of `model` fitted, with `effects`, to the others."""
+    def judged(
+        self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int
+    ) -> tuple[Losses, AbstractActuator]:
+        """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
         judged = np.flatnonzero(self.fold_of == fold)
         fitting = self.problem.only(~np.isin(self.block, judged))
         fitted, _ = bench.fit(model, effects, fitting, STEPS)
         residuals = bench.residuals(fitted, self.problem)
-        return block_losses(residuals, self.problem.weights, self.block, judged)
+        return block_losses(residuals, self.problem.weights, self.block, judged), fitted
 
 
-def _folds(problem: Problem, count: int) -> NDArray[np.int64]:
-    """Fold of each block: whole windows, in turn, in the order of how much their outputs move."""
-    extent = np.zeros(len(problem.rows))
-    for values in problem.targets.values():
-        ranges = np.ptp(np.asarray(values), axis=1).reshape(len(extent), -1).sum(1)
+def _extent(problem: Problem, block: Blocks) -> NDArray[np.float64]:
+    """How much the outputs move in each block, the most in any being 1 for each output."""
+    parts = range(int(block.max()) + 1)
+    rows = [np.nonzero(block == part) for part in parts]
+    extent = np.zeros(len(rows))
+    for output, values in problem.targets.items():
+        table, there = np.asarray(values), np.asarray(problem.weights[output]) > 0
+        ranges = np.array([_ranges(table[r], there[r]) for r in rows])
         extent += ranges / max(ranges.max(), 1e-300)
-    return np.repeat(np.argsort(np.argsort(-extent)) % count, BLOCKS)
+    return extent
+
+
+def _ranges(values: NDArray[np.float64], there: NDArray[np.bool_]) -> float:
+    """Sum over muscles of the range of the samples that count."""
+    table, mask = values.reshape(len(values), -1), there.reshape(len(there), -1)
+    return float(sum(np.ptp(v[m]) if m.any() else 0.0 for v, m in zip(table.T, mask.T, strict=True)))

@@ -11,12 +11,11 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link
+from jaxmuscle.actuators.base import AbstractActuator, Link
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.recordings.smooth import noise_level, smooth
 from jaxmuscle.recordings.units import column_unit
-from jaxmuscle.signals import Past
-from jaxmuscle.simulation import Track, observe
+from jaxmuscle.simulation import Track, held_at, observe
 
 Series = NDArray[np.float64]
 Arrays = dict[str, Array]
@@ -36,9 +35,23 @@ class MissingRate:
 
 
 def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
-    """Of every link of `model` on the whole recording, all measured states taken as measured."""
-    rates, readings = _evaluate(model, case.observed.track, case.observed.samples)
-    return [_of_link(case, model, link, rates, readings) for link in model.links]
+    """Of every link of `model` on the whole recording, all measured states taken as measured.
+
+    The standard deviation is that of the smoothed rate and, where the model's rate hangs on a smoothed
+    derivative (a mass that sticks is held by a force that the least velocity makes), that of the latter.
+    """
+    track, samples = case.observed.track, case.observed.samples
+    rates, readings = _evaluate(model, track, samples)
+    variance = {name: jnp.zeros_like(values) for name, values in rates.items()}
+    for name in model.derivatives:
+        spread = case.observed.spread[name]
+        up, down = (_evaluate(model, _shifted(track, name, sign * spread), samples)[0] for sign in (1, -1))
+        variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
+    return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
+
+
+def _shifted(track: Track, name: str, shift: Array) -> Track:
+    return eqx.tree_at(lambda t: t.measured, track, {**track.measured, name: track.measured[name] + shift})
 
 
 @eqx.filter_jit
@@ -47,8 +60,7 @@ def _evaluate(model: AbstractActuator, track: Track, samples: int):
 
     def instant(row, start):
         state = {**start.state, **track.at(row)}
-        past = Past(track.command, row, track.step, track.first(row)) if model.commands else None
-        held = Held(track.command[row], past, start.memory)
+        held = held_at(model, track, row, start.memory)
         signals = model.signals(state, held)
         return model.vector_field(state, held), model.readings(signals)
 
@@ -56,7 +68,9 @@ def _evaluate(model: AbstractActuator, track: Track, samples: int):
     return {name: rates[name] for name in (*model.measured, *model.derivatives)}, readings
 
 
-def _of_link(case: Case, model: AbstractActuator, link: Link, rates: Arrays, readings: Arrays) -> MissingRate:
+def _of_link(
+    case: Case, model: AbstractActuator, link: Link, rates: Arrays, readings: Arrays, variance: Arrays
+) -> MissingRate:
     columns, step = case.recording.columns, case.recording.step
     names = model.outputs[link.output]
     unit = column_unit(names[0], model.units.get("command", ""))
@@ -71,8 +85,9 @@ def _of_link(case: Case, model: AbstractActuator, link: Link, rates: Arrays, rea
     state = next((d for d, base in model.derivatives.items() if base == link.output), link.output)
     order = 1 if state == link.output else 2
     for name, modelled in _by_column(names, rates[state]).items():
-        estimate, spread[name] = smooth(columns[name], step, noise_level(columns[name]), order)
+        estimate, own = smooth(columns[name], step, noise_level(columns[name]), order)
         values[name] = estimate - modelled
+        spread[name] = np.hypot(own, np.sqrt(_by_column(names, variance[state])[name]))
     return MissingRate(link, values, spread, f"{unit}/s" if order == 1 else f"{unit}/s^2")
 
 

@@ -89,12 +89,14 @@ class Unexplained:
 
 @dataclasses.dataclass(frozen=True)
 class Reveal:
-    """The residual of one link against the variable that shows best what the declared model lacks.
+    """What is missing in one link against the variable that shows best what is missing.
 
     `before`, `after`: missing rate of the state behind the output (or the residual of an imposed rig's
-    reading) under the declared and under the final model, sample by sample, in `unit`.
+    reading) under the final model without `effect` and with it, sample by sample, in `unit`. The same twice
+    when no effect was found (`effect` is `None`).
     """
 
+    effect: str | None
     signal: str
     variable: str
     variable_unit: str

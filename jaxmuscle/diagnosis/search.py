@@ -45,24 +45,29 @@ def _best_start(
     problem: Problem,
 ) -> AbstractActuator:
     """`base` with the strength and shape of `effect` at which the cost is least."""
-    nonnegative = parameters(base)[strength_path(effect)].nonnegative
+    path = strength_path(effect)
     tries = []
     for shape in shapes(effect):
-        given = strength_path(effect) in shape
-        estimate = 0.0 if given else _estimate(bench, replace(base, shape), accepted, effect, problem)
-        tries += [replace(base, start) for start in strengths(effect, shape, estimate, nonnegative)]
-    return min(tries, key=lambda trial: bench.cost(trial, problem))
+        shaped = replace(base, shape)
+        if path in shape:
+            tries.append(shaped)
+        else:
+            found = _strengths(bench, shaped, accepted, effect, problem)
+            tries += [replace(shaped, {path: strength}) for strength in found]
+    return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
 
 
-def _estimate(
+def _strengths(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
-) -> float:
-    """Strength of `effect` by one linear step, the parameters that are free anyway moving along."""
+) -> list[float]:
+    """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
+    path = strength_path(effect)
     own = bench.free_paths(model, accepted)
-    paths = [*own, strength_path(effect)]
-    residual, slopes = bench.jacobian(model, problem, paths, [*accepted, effect.name])
-    return linear_strength(residual, slopes[: len(own)], slopes[len(own)])[0]
+    residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
+    nonnegative = parameters(model)[path].nonnegative
+    linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
+    return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]

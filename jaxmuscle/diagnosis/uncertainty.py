@@ -17,13 +17,19 @@ from jaxmuscle.parameters import get, parameters
 
 
 def estimates(
-    bench: Workbench, model: AbstractActuator, effects: Sequence[str], problem: Problem
+    bench: Workbench,
+    model: AbstractActuator,
+    effects: Sequence[str],
+    problem: Problem,
+    folds: Sequence[AbstractActuator] = (),
 ) -> tuple[dict[str, Estimate], pd.DataFrame]:
     """Values, standard deviations and correlations of all fitted parameters, by path.
 
-    The covariance is that of Gauss and Newton, (JᵀJ)⁻¹, for independent residuals, or the sandwich
-    (JᵀJ)⁻¹ (Σ g gᵀ) (JᵀJ)⁻¹ with g the gradient of one window, which allows for any correlation within a
-    window (Liang and Zeger 1986): for each parameter the larger of the two standard deviations is given.
+    For each parameter the largest of three standard deviations is given: that of Gauss and Newton,
+    (JᵀJ)⁻¹, for independent residuals; the sandwich (JᵀJ)⁻¹ (Σ g gᵀ) (JᵀJ)⁻¹ with g the gradient of one
+    window, which allows for any correlation within a window (Liang and Zeger 1986); and the
+    delete-a-group jackknife over `folds`, models of the same effects each fitted without a part of the data
+    (Kott, J. Official Statistics 17, 2001), which allows for what the model lacks.
     """
     paths = bench.free_paths(model, effects)
     residual, slopes = bench.jacobian(model, problem, paths, effects)
@@ -32,14 +38,22 @@ def estimates(
     sizes = [problem.targets[link.output].size for link in model.links]
     covariance = _covariance(residual, slopes / scale[:, None], len(problem.rows), sizes)
     covariance = covariance / np.outer(scale, scale)
-    std = np.sqrt(np.diag(covariance))
+    own = np.sqrt(np.diag(covariance))
+    std = np.maximum(own, _jackknife(paths, folds))
     entries = parameters(model)
     values = {
         path: Estimate(float(get(model, path)), float(s), entries[path].unit, entries[path].meaning)
         for path, s in zip(paths, std, strict=True)
     }
-    safe = np.where(std > 0, std, 1.0)
+    safe = np.where(own > 0, own, 1.0)
     return values, pd.DataFrame(covariance / np.outer(safe, safe), index=paths, columns=paths)
+
+
+def _jackknife(paths: Sequence[str], folds: Sequence[AbstractActuator]) -> Float[NDArray, " k"]:
+    if len(folds) < 2:
+        return np.zeros(len(paths))
+    table = np.array([[float(get(model, path)) for path in paths] for model in folds])
+    return np.sqrt((len(folds) - 1) * table.var(axis=0))
 
 
 def _covariance(

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from jaxmuscle.diagnosis.rates import MissingRate
@@ -14,7 +13,7 @@ from jaxmuscle.fitting.case import Case
 
 Series = NDArray[np.float64]
 
-DEGREE = 5
+KNOTS = 9
 WORTHWHILE = 0.05
 """Further share that a variable must explain to be named."""
 MOST = 3
@@ -48,12 +47,11 @@ def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) ->
     Every second training window is fitted, the others judge, and the other way round. Weights are the
     precision of the missing rate at each sample.
     """
-    rows, fold = _training_rows(case)
     chosen: tuple[str, ...] = ()
     best = 0.0
     while len(chosen) < MOST:
         trials: dict[tuple[str, ...], float] = {
-            (*chosen, name): _explained(missing, named, (*chosen, name), rows, fold)
+            (*chosen, name): explained(missing, named, (*chosen, name), case)
             for name in named
             if name not in chosen
         }
@@ -77,13 +75,9 @@ def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.concatenate(rows), np.concatenate(folds)
 
 
-def _explained(
-    missing: MissingRate,
-    named: Mapping[str, Series],
-    names: tuple[str, ...],
-    rows: NDArray[np.int64],
-    fold: NDArray[np.int64],
-) -> float:
+def explained(missing: MissingRate, named: Mapping[str, Series], names: tuple[str, ...], case: Case) -> float:
+    """Share of a missing rate that smooth functions of `names` explain on windows they were not fitted to."""
+    rows, fold = _training_rows(case)
     basis = _basis([named[name][rows] for name in names])
     before = after = 0.0
     for column, values in missing.values.items():
@@ -102,15 +96,19 @@ def _explained(
 
 
 def _basis(series: list[Series]) -> NDArray[np.float64]:
-    """Legendre polynomials of every variable, their signs, and the products of low degree between them."""
+    """Hat functions of every variable, its sign, and the products of low degree between variables.
+
+    Nothing grows outside the range of the data: a polynomial would, on windows that reach a little further.
+    """
     parts = [np.ones((len(series[0]), 1))]
     low = []
     for values in series:
-        centre, half = 0.5 * (values.max() + values.min()), 0.5 * np.ptp(values) + 1e-300
-        polynomials = legendre.legvander((values - centre) / half, DEGREE)[:, 1:]
+        knots = np.unique(np.quantile(values, np.linspace(0, 1, KNOTS)))
+        hats = np.stack([np.interp(values, knots, unit) for unit in np.eye(len(knots))[1:]], axis=1)
         sign = np.tanh(values / (0.02 * np.abs(values).max() + 1e-300))[:, None]
-        parts += [polynomials, sign]
-        low.append(np.hstack([polynomials[:, :2], sign]))
+        centred = (values - values.mean())[:, None] / (np.ptp(values) + 1e-300)
+        parts += [hats, sign]
+        low.append(np.hstack([centred, sign]))
     for i, first in enumerate(low):
         for second in low[i + 1 :]:
             parts.append((first[:, :, None] * second[:, None, :]).reshape(len(first), -1))

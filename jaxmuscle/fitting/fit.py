@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Free
-from jaxmuscle.fitting.problem import Problem, evaluate, residuals
+from jaxmuscle.fitting.problem import Problem, Residuals, evaluate, residuals
 
 TOLERANCE = 3e-4
 """Relative fall of the cost over one accepted step at which a fit ends."""
@@ -74,8 +74,7 @@ def _vector(model: AbstractActuator, problem: Problem, free: Free) -> NDArray[np
     """The residual vector at z = 0."""
     zero = jnp.zeros(len(free.paths))
     parts = evaluate(free.apply(model, zero), problem)
-    stacked = [*(part.ravel() for part in parts.values()), free.prior_residuals(zero)]  # pyright: ignore
-    return np.concatenate([np.asarray(part) for part in stacked])
+    return np.asarray(_joined(model, parts, free.prior_residuals(zero)))  # pyright: ignore
 
 
 class _Scaled(eqx.Module):
@@ -175,6 +174,10 @@ def _solve(scaled: _Scaled, limit: Array) -> tuple[Array, Array, Array, Array, A
 
 
 def residual_vector(model: AbstractActuator, problem: Problem, free: Free, z: Array) -> Array:
-    """All weighted residuals and the distances from the priors, as one vector."""
-    parts = residuals(free.apply(model, z), problem)
-    return jnp.concatenate([*(part.ravel() for part in parts.values()), free.prior_residuals(z)])
+    """All weighted residuals, link by link, and the distances from the priors, as one vector."""
+    return _joined(model, residuals(free.apply(model, z), problem), free.prior_residuals(z))
+
+
+def _joined(model: AbstractActuator, parts: Residuals, priors: Array) -> Array:
+    # By the links: the order of a dictionary's entries does not survive compilation.
+    return jnp.concatenate([*(parts[link.output].ravel() for link in model.links), priors])

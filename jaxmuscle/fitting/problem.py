@@ -24,12 +24,14 @@ class Problem(eqx.Module):
     Attributes:
         targets: output → measured values, window by window.
         weights: output → one over the standard deviation to be expected of the residual, zero where masked.
+        period: samples after which a link is started anew from what was measured; a window, or part of one.
     """
 
     track: Track
     rows: Int[Array, " windows"]
     targets: Residuals
     weights: Residuals
+    period: Int[Array, ""]
     samples: int = eqx.field(static=True)
     total: int = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
@@ -37,6 +39,14 @@ class Problem(eqx.Module):
     def with_weights(self, weights: Residuals) -> Problem:
         """A copy with other weights."""
         return eqx.tree_at(lambda p: p.weights, self, weights)
+
+    def in_parts(self, parts: int) -> Problem:
+        """A copy in which every window is predicted in `parts`, each from the measured state.
+
+        Errors have less time to grow, and the more so the nearer a motion is to sticking: the cost of a
+        fit is a far smoother function of the parameters.
+        """
+        return eqx.tree_at(lambda p: p.period, self, jnp.asarray(-(-self.samples // parts)))
 
     def only(self, samples: np.ndarray) -> Problem:
         """A copy in which only the given samples count: boolean, one row a window."""
@@ -57,6 +67,7 @@ def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
         jnp.asarray(windows.rows),
         targets,
         weights,
+        jnp.asarray(windows.samples),
         windows.samples,
         observed.samples,
         substeps,
@@ -103,21 +114,22 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
     """Variance that the uncertainty of the smoothed states puts on the predictions of the links.
 
     Each rate of a measured state, the least certain of what is smoothed, is shifted by ± its standard
-    deviation, both where it starts a window and where it is imposed; half the
+    deviation and, because channels are read one after the other and the instant at which a motion turns is
+    not known better, by ± one sample: both where it starts a window and where it is imposed. Half the
     difference of the predictions, squared, is summed. Zero where nothing counts.
     """
 
-    def shifted(name: str, sign: float) -> Residuals:
-        measured = problem.track.measured
-        track = eqx.tree_at(
-            lambda t: t.measured, problem.track, {**measured, name: measured[name] + sign * spread[name]}
-        )
+    def predicted(name: str, values: Array) -> Residuals:
+        track = eqx.tree_at(lambda t: t.measured, problem.track, {**problem.track.measured, name: values})
         return evaluate(actuator, eqx.tree_at(lambda p: p.track, problem, track))  # pyright: ignore
 
     total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
     for name in actuator.derivatives:
-        up, down = shifted(name, 1.0), shifted(name, -1.0)
-        total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
+        values = problem.track.measured[name]
+        late, early = jnp.concatenate([values[:1], values[:-1]]), jnp.concatenate([values[1:], values[-1:]])
+        for one, other in ((values + spread[name], values - spread[name]), (late, early)):
+            up, down = predicted(name, one), predicted(name, other)
+            total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
     return {
         out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
         for out, w in problem.weights.items()
@@ -133,6 +145,7 @@ def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: S
         imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
         substeps=problem.substeps,
         hidden=hidden,
+        period=problem.period,
     )[link.output]
 
 

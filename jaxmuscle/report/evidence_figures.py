@@ -16,18 +16,20 @@ POINTS, BINS, SHOWN = 1500, 24, 8
 """Points of a scatter; bins of its median; candidates of a ranking that are drawn."""
 
 
-def reveal_figure(reveal: Reveal, both: bool) -> Figure:
-    """The missing rate against the variable that reveals it; the final model beside it if `both`."""
+def reveal_figure(reveal: Reveal) -> Figure:
+    """What is missing against the variable that reveals it, without the effect and with it."""
+    without, whole = (f"{word} {words(reveal.effect or '')}" for word in ("without", "with"))
     size_x, unit_x = printed_unit(reveal.variable_unit, float(np.nanpercentile(np.abs(reveal.x), 95)))
     size_y, unit_y = printed_unit(reveal.unit, float(np.nanstd(reveal.before)))
     drawing = figure(3.4)
-    panels = np.atleast_1d(drawing.subplots(1, 2 if both else 1, sharey=True, sharex=True))
-    series = [("before", BEFORE, reveal.before), ("after", AFTER, reveal.after)][: len(panels)]
+    panels = np.atleast_1d(drawing.subplots(1, 2 if reveal.effect else 1, sharey=True, sharex=True))
+    series = [(without, BEFORE, reveal.before), (whole, AFTER, reveal.after)][: len(panels)]
     for axes, (title, colour, values) in zip(panels, series, strict=True):
         axes.axhline(0, color="#c3c8d0", linewidth=1)
         _cloud(axes, reveal.x / size_x, values / size_y, colour)
         axes.set_xlabel(f"{words(reveal.variable)} [{unit_x}]" if unit_x else words(reveal.variable))
-        axes.set_title(title if both else "", fontweight="bold", color=AFTER if title == "after" else MUTED)
+        if reveal.effect:
+            axes.set_title(title, fontweight="bold", color=AFTER if title == whole else MUTED)
     # A few samples far out would leave no room for all others.
     panels[0].set_xlim(*_inner(reveal.x / size_x, 0.3))
     panels[0].set_ylim(*_inner(reveal.before / size_y, 0.5))

@@ -88,13 +88,14 @@ def _reveal(diagnosis: Diagnosis) -> Picture | None:
     reveal = diagnosis.reveal
     if reveal is None:
         return None
-    both = bool(diagnosis.effects)
     signal, variable = words.words(reveal.signal), words.words(reveal.variable)
-    seen = f"What the declared model lacks in {signal}, against {variable}"
+    seen = f"What the model lacks in {signal}, against {variable}"
+    if reveal.effect:
+        seen += f": the final model with {words.words(reveal.effect)} taken out of it, and whole"
     caption = (
-        f"{seen}; a model that lacks nothing lies on zero. Line: median of bins with equally many samples."
+        f"{seen}. A model that lacks nothing lies on zero. Line: median of bins with equally many samples."
     )
-    return Picture(svg_uri(reveal_figure(reveal, both)), caption)
+    return Picture(svg_uri(reveal_figure(reveal)), caption)
 
 
 def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:

@@ -5,8 +5,7 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.diagnosis.candidates import (
-    MULTIPLES,
-    OPPOSITE,
+    SEEN,
     carries_state,
     linear_strength,
     loaded,
@@ -73,31 +72,31 @@ def test_loaded_carries_all_at_zero_strength():
         assert all(path.startswith(f"effects.{effect.name}.") for path in paths_of(carrying, effect.name))
 
 
-def test_strengths_are_multiples_of_the_estimate():
-    path = "effects.load_friction.force"
-    found = list(strengths(BY_NAME["load_friction"], {}, -4.0, nonnegative=True))
-    assert found == [{path: multiple * 4.0} for multiple in MULTIPLES]
-    signed = list(strengths(BY_NAME["bladder_stiffness"], {}, -4.0, nonnegative=False))
-    both = (*MULTIPLES, *OPPOSITE)
-    assert signed == [{"effects.bladder_stiffness.stiffness": -multiple * 4.0} for multiple in both]
+def test_strengths_reach_from_what_is_just_seen_to_the_whole_misfit():
+    rng = np.random.default_rng(3)
+    slope, residual = rng.normal(size=400), 20.0 * rng.normal(size=400)
+    slope[100:], residual[100:] = 0.0, 0.0  # samples that do not count
+    found = strengths(slope, residual, nonnegative=True)
+    changes = [strength * np.sqrt(np.mean(slope[:100] ** 2)) for strength in found]
+    assert changes == sorted(changes)
+    assert changes[0] == pytest.approx(SEEN)
+    assert changes[-1] == pytest.approx(3 * np.sqrt(np.mean(residual[:100] ** 2)))
+    assert strengths(slope, residual, nonnegative=False) == [*found, *(-s for s in found)]
+    # A model that fits to the noise: up to three times the noise.
+    quiet = strengths(slope, residual / 100, nonnegative=True)
+    assert quiet[-1] / quiet[0] == pytest.approx(3 / SEEN)
 
 
-@pytest.mark.parametrize("name", ["thread_friction", "command_delay"])
-def test_shapes_that_give_the_strength_are_taken_as_they_are(name):
+@pytest.mark.parametrize("slope", [0.0, np.nan, np.inf])
+def test_an_effect_that_changes_nothing_has_no_strengths_to_try(slope):
+    assert strengths(np.full(50, slope), np.ones(50), nonnegative=False) == []
+
+
+@pytest.mark.parametrize("name", ["thread_friction", "gravity", "command_delay", "creep"])
+def test_shapes_are_those_of_the_effect(name):
     effect = BY_NAME[name]
-    found = [start for shape in shapes(effect) for start in strengths(effect, shape, 1e3, nonnegative=True)]
-    assert found == [{f"effects.{name}.{k}": v for k, v in s.items()} for s in effect.starts]
-
-
-def test_every_shape_with_every_multiple():
-    effect = BY_NAME["gravity"]
-    found = [start for shape in shapes(effect) for start in strengths(effect, shape, 2.0, nonnegative=False)]
-    strength, shape = f"effects.gravity.{effect.strength}", "effects.gravity.hanging_angle"
-    assert [(s[shape], s[strength]) for s in found] == [
-        (given["hanging_angle"], multiple * 2.0)
-        for given in effect.starts
-        for multiple in (*MULTIPLES, *OPPOSITE)
-    ]
+    expected = [{f"effects.{name}.{key}": value for key, value in s.items()} for s in effect.starts]
+    assert list(shapes(effect)) == expected
 
 
 def test_effects_with_a_state_of_their_own():

@@ -92,3 +92,15 @@ def test_links_of_different_width():
     values, _ = estimates(tools, tools.model, [], training)
     assert (np.diag(sandwich) > 4 * np.diag(bread)).any()
     np.testing.assert_allclose([values[path].std for path in paths], expected, rtol=1e-4)
+
+
+def test_fits_that_disagree_widen_the_deviations():
+    """Delete-a-group jackknife: (G-1)/G times the sum of squared deviations from the mean of G fits."""
+    prepared = case(driven_recording({}, driven_card({})), 0.0)
+    tools = workbench(prepared.actuator, prepared.priors, ())
+    narrow, _ = estimates(tools, tools.model, [], prepared.training)
+    radii = np.array([6.8e-3, 7.1e-3, 7.2e-3])
+    folds = [replace(tools.model, {PATHS[0]: radius}) for radius in radii]
+    wide, _ = estimates(tools, tools.model, [], prepared.training, folds)
+    assert wide[PATHS[0]].std == pytest.approx(np.sqrt(2 / 3 * ((radii - radii.mean()) ** 2).sum()))
+    assert wide[PATHS[1]].std == narrow[PATHS[1]].std

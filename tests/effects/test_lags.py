@@ -11,11 +11,13 @@ from jaxmuscle.effects import CommandDelay, ForceSensorLag
 from jaxmuscle.signals import Past, Signals
 
 STEP = 2e-3
+BEFORE = 0.7
+"""The command of a machine at rest before the first sample."""
 COMMAND = np.random.default_rng(5).uniform(-5, 5, 40)
 
 
 def delayed(delay, row):
-    past = Past(jnp.asarray(COMMAND), jnp.asarray(row), jnp.asarray(STEP))
+    past = Past(jnp.asarray(COMMAND), jnp.asarray(row), jnp.asarray(STEP), jnp.asarray(BEFORE))
     effect = built(CommandDelay, delay=delay)
     return float(COMMAND[row] + effect.value(Signals(command=jnp.asarray(COMMAND[row]), past=past)))
 
@@ -23,7 +25,8 @@ def delayed(delay, row):
 @pytest.mark.parametrize("samples", [0, 1, 5, 12])
 def test_whole_samples_shift_the_command(samples):
     for row in (0, 3, 12, 39):
-        assert delayed(samples * STEP, row) == pytest.approx(COMMAND[max(row - samples, 0)], rel=1e-12)
+        expected = COMMAND[row - samples] if row >= samples else BEFORE
+        assert delayed(samples * STEP, row) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("part", [0.25, 0.5, 0.9])
@@ -36,7 +39,7 @@ def test_fractions_take_the_mean_over_the_interval(part):
 def test_run_under_a_whole_delay_is_the_run_of_the_shifted_command():
     samples = 12
     command = bench.isotonic_command()[:300]
-    shifted = np.concatenate([np.full(samples, command[0]), command[:-samples]])
+    shifted = np.concatenate([np.zeros(samples), command[:-samples]])
     late = bench.simulated(
         bench.model("isotonic", command_delay={"delay": samples * STEP}), bench.isotonic_track(command), 2
     )
@@ -49,7 +52,7 @@ def test_run_under_a_whole_delay_is_the_run_of_the_shifted_command():
 
 
 def test_slope_at_zero_delay_is_that_of_the_mean():
-    past = Past(jnp.asarray(COMMAND), jnp.asarray(20), jnp.asarray(STEP))
+    past = Past(jnp.asarray(COMMAND), jnp.asarray(20), jnp.asarray(STEP), jnp.asarray(BEFORE))
     slope = jax.grad(lambda d: built(CommandDelay, delay=d).value(Signals(past=past)))(jnp.asarray(0.0))
     assert float(slope) == pytest.approx((COMMAND[19] - COMMAND[20]) / STEP, rel=1e-12)
 

@@ -30,7 +30,7 @@ def situation(velocity, contraction):
     force = muscle.force(0.05 + contraction * both, pressure - bench.AMBIENT, muscle.end_factor)
     return Signals(
         command=table[4],
-        past=Past(table, jnp.asarray(4), jnp.asarray(2e-3)),
+        past=Past(table, jnp.asarray(4), jnp.asarray(2e-3), table[0]),
         ambient_pressure=jnp.asarray(bench.AMBIENT),
         gas_temperature=jnp.asarray(293.15),
         pressure=pressure,

@@ -44,7 +44,7 @@ def drawn(rig, seed):
 
 
 def held(rig, table, memory):
-    past = Past(table, jnp.asarray(ROW), jnp.asarray(2e-3)) if rig != "driven" else None
+    past = Past(table, jnp.asarray(ROW), jnp.asarray(2e-3), table[0]) if rig != "driven" else None
     return Held(table[ROW], past, memory)
 
 

@@ -69,13 +69,34 @@ def test_link_of_a_driven_rig_is_its_chain(prepared):
 
 
 def test_spread_of_the_velocity_reaches_the_force_by_friction_alone(prepared):
-    """Friction of a kinetic coefficient alone is a tanh of v over 1e-4 m/s: shifts of v show near v = 0."""
-    spread = {"velocity": jnp.full(prepared.observed.samples, 1e-3)}
+    """Friction is a tanh of v over 1e-4 m/s: what shifts v past zero turns the whole friction about."""
+    velocity = prepared.observed.track.measured["velocity"]
+    spread = {"velocity": jnp.full(len(velocity), 1e-3)}
     nothing = expected_spread(prepared.actuator, prepared.problem, spread)["force"]
     np.testing.assert_array_equal(nothing, 0.0)
     rough = bench.model("driven", thread_friction={"static_coefficient": 0.05, "kinetic_coefficient": 0.05})
     variance = by_row(prepared, expected_spread(rough, prepared.problem, spread)["force"])
-    speed = np.abs(smooth_motion(SECONDS)[2])
-    turning, moving = (speed < 5e-4) & ~IGNORED, (speed > 2e-3) & ~IGNORED
-    assert turning.any()
-    assert variance[turning].min() > 100 * variance[moving].max()
+    # By the given spread, and by a sample more or less of the clock.
+    v = np.asarray(velocity)
+    beside = np.stack([np.roll(v, 1), v, np.roll(v, -1)])[:, 1:-1]
+    turning = np.pad((np.abs(v) < 5e-4)[1:-1] | (np.ptp(np.sign(beside), axis=0) > 0), 1)
+    moving = np.pad((np.abs(beside) > 2e-3).all(0) & (np.ptp(np.sign(beside), axis=0) == 0), 1)
+    assert variance[turning & ~IGNORED].min() > 100 * variance[moving & ~IGNORED].max()
+
+
+def test_an_uncertain_clock_reaches_the_force_where_the_motion_turns(prepared):
+    """The velocity itself is exact here: all friction is uncertain where a sample decides its sign."""
+    exact = {"velocity": jnp.zeros(prepared.observed.samples)}
+    coefficients = {"static_coefficient": 0.05, "kinetic_coefficient": 0.05}
+    rough, plain = bench.model("driven", thread_friction=coefficients), bench.model("driven")
+    variance = by_row(prepared, expected_spread(rough, prepared.problem, exact)["force"])
+    with_friction, without = (
+        by_row(prepared, link_predictions(model, prepared.problem)["force"]) for model in (rough, plain)
+    )
+    v = np.asarray(prepared.observed.track.measured["velocity"])
+    friction = np.abs(with_friction - without) / np.tanh(np.abs(v) / 1e-4)
+    clear = np.pad(np.minimum(np.abs(v[2:]), np.abs(v[:-2])) > 5e-4, 1) & (np.abs(v) > 1e-6) & ~IGNORED
+    turned = np.pad(np.sign(v[2:]) != np.sign(v[:-2]), 1)
+    assert (clear & turned).sum() > 3
+    np.testing.assert_allclose(variance[clear & turned], friction[clear & turned] ** 2, rtol=0.02)
+    assert (variance[clear & ~turned] < 1e-4 * friction[clear & ~turned] ** 2).all()

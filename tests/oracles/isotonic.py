@@ -62,7 +62,8 @@ def isotonic(card, effects, command, step, pressure, substeps):
         samples.append(state[1:])
         for sub in range(substeps):
             # The middle of the substep lies on the right side of every switch of the command.
-            u = command[max(int((row * substeps + sub + 0.5) / substeps - delay / step), 0)]
+            late = (row * substeps + sub + 0.5) / substeps - delay / step
+            u = command[int(late)] if late >= 0 else 0.0
             _, p, x, v = state
             driving, limit = loads(p, x, v)
             sense = 1.0 if v > 0 or (v == 0 and driving > limit) else -1.0

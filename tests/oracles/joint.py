@@ -49,7 +49,8 @@ def joint(card, effects, command, step, pressure, angle, substeps):
     for row in range(len(command)):
         samples.append(state[[0, 1, 4, 5]])
         for sub in range(substeps):
-            u = command[max(int((row * substeps + sub + 0.5) / substeps - delay / step), 0)]
+            late = (row * substeps + sub + 0.5) / substeps - delay / step
+            u = command[int(late)] if late >= 0 else np.asarray(pressure)
             up, down = torque(state, plays, 1.0), torque(state, plays, -1.0)
             sense = np.sign(state[5]) or (1.0 if up > 0 else -1.0)
             if state[5] == 0 and up <= 0 <= down:

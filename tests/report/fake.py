@@ -147,4 +147,13 @@ def _reveal(verdict: str) -> Reveal | None:
     noise = 0.6 * rng.standard_normal((2, len(velocity)))
     before = -2.0 * np.tanh(velocity / 0.01) + noise[0]
     after = noise[1] if verdict == "effects found" else before
-    return Reveal("load", "velocity", "m/s", "m/s^2", velocity, before, after)
+    return Reveal(
+        "load_friction" if verdict == "effects found" else None,
+        "load",
+        "velocity",
+        "m/s",
+        "m/s^2",
+        velocity,
+        before,
+        after,
+    )
