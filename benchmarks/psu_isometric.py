@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
+from scipy.signal import medfilt
 
 from jaxmuscle.recordings import Card, Recording
 from jaxmuscle.recordings.recording import joined
@@ -32,6 +33,10 @@ LENGTHS = {
     "30": (0.281, 0.26875, 0.2565, 0.24425),
 }
 """Lengths at which each muscle was held [m], in the order of the conditions."""
+LENGTHS_UNKNOWN = {"45": 0.432, "52": 0.502}
+"""Further muscles: resting length [m], the cut length less 18 mm as with the others."""
+CONTRACTION = 0.17
+"""Contraction ratio at 620 kPa of the longer muscles; the conditions are 0, 1/4, 1/2 and 3/4 of it."""
 CONDITIONS = ("Unkink", "kinked25", "kinked50", "kinked75")
 CONDITIONS_257 = ("Unkinked", "Kinked7mm", "Kinked15mm", "Kinked31mm")
 TESTS = ("Test8Data", "Test9Data", "Test10Data")
@@ -94,10 +99,19 @@ def held(root: Path, muscles: tuple[str, ...], reference_length: float) -> Held:
     return Held(whole, np.array(muscle), np.array(length), settled, slack)
 
 
-def raw(root: Path, muscle: str, number: int, test: int = 0) -> tuple[Series, Series, Series]:
-    """Time [s], gauge pressure [Pa] and force [N] of one file as sampled."""
-    files = [samples for n, samples in _files(root, muscle) if n == number]
-    return files[test]
+def raw(root: Path, muscle: str) -> list[tuple[int, tuple[Series, Series, Series]]]:
+    """Every file of a muscle as sampled: number of its length, time [s], gauge pressure [Pa], force [N].
+
+    Samples whose time does not lie after that of the sample before are left out.
+    """
+    return [(number, _forward(samples)) for number, samples in _files(root, muscle)]
+
+
+def size(muscle: str, number: int) -> tuple[float, float]:
+    """Resting length [m] and contraction ratio; nominal for the muscles whose lengths are not given."""
+    if muscle in LENGTHS_UNKNOWN:
+        return LENGTHS_UNKNOWN[muscle], CONTRACTION * number / 4
+    return RESTING[muscle], 1 - LENGTHS[muscle][number] / RESTING[muscle]
 
 
 def _recording(time: Series, columns: dict[str, Series], reference_length: float) -> Recording:
@@ -107,7 +121,7 @@ def _recording(time: Series, columns: dict[str, Series], reference_length: float
 
 def _files(root: Path, muscle: str) -> list[tuple[int, tuple[Series, Series, Series]]]:
     found = []
-    for number in range(4):
+    for number in range(1 if muscle == "45" else 4):
         if muscle == "27":
             path = root / "10mm_257mm_Jan2022_raw" / f"10mm_27cm_{CONDITIONS_257[number]}_Test9.csv"
             found.append((number, _swapped(np.loadtxt(path, delimiter=","))))
@@ -128,6 +142,16 @@ def _swapped(table: NDArray[np.float64]) -> tuple[Series, Series, Series]:
     pressure = 0.7654 * ((table[:, 0] / 4.45 + 1.963) / 0.1535) - 18.609
     force = 4.45 * (0.1535 * ((table[:, 1] + 18.609) / 0.7654) - 1.963)
     return table[:, 2], 1e3 * pressure, force
+
+
+def _forward(samples: tuple[Series, Series, Series]) -> tuple[Series, Series, Series]:
+    """Samples in the order of time: single wild times and repeated ones go."""
+    time = samples[0]
+    near = np.abs(time - medfilt(time, 5)) < PERIOD
+    before = np.maximum.accumulate(np.where(near, time, -np.inf))
+    kept = near & (time > np.concatenate([[-np.inf], before[:-1]]))
+    pressure, force = samples[1][kept], samples[2][kept]
+    return time[kept], pressure, force
 
 
 def _binned(samples: tuple[Series, Series, Series]) -> tuple[Series, Series, Series]:
