@@ -15,6 +15,7 @@ from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.effects.base import (
     AbstractEffect,
     States,
+    altered_muscle,
     friction_limit,
     slip_of_mass,
     state_rates,
@@ -81,18 +82,19 @@ class Joint(AbstractActuator):
         states = {**state.get("effects", {}), **held.memory}
         side = SIDES * self.sprocket_radius
         middle = self.initial_contraction * self.muscle.initial_length
+        muscle = altered_muscle(self.effects, self.muscle)
         signals = Signals(
             past=held.past,
             ambient_pressure=self.ambient_pressure,
             pressure=state["pressure"],
-            muscle=self.muscle,
+            muscle=muscle,
             contraction=middle + side * state["angle"],
             contraction_velocity=side * state["angular_velocity"],
             position=state["angle"],
             velocity=state["angular_velocity"],
         )
         signals = self._with(signals, COMMAND, held.command, states)
-        force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
+        force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
         loose = self._load(signals, signals.muscle_force, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(2)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.diagnosis.beginnings import begun
 from jaxmuscle.diagnosis.result import Error
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import chain_predictions
@@ -18,11 +19,14 @@ _chain_predictions = eqx.filter_jit(chain_predictions)
 
 
 def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
-    """Predictions of every column from the command alone, window by window, on the recording's clock."""
+    """Predictions of every column from the command alone, window by window, on the recording's clock.
+
+    Each window begins at the measured state, its velocity as :func:`begun` has it.
+    """
     windows = case.windows
     found = {}
     inside = windows.rows[:, None] + np.arange(windows.samples)
-    for output, values in _chain_predictions(model, case.problem).items():
+    for output, values in _chain_predictions(model, begun(case, model)).items():
         table = np.asarray(values).reshape(*values.shape[:2], -1)
         for i, name in enumerate(model.outputs[output]):
             series = np.full(len(case.recording), np.nan)

@@ -46,6 +46,14 @@ class AbstractStaticEffect(AbstractEffect):
         """The addition to the slot, in its unit."""
 
 
+class AbstractMuscleEffect(AbstractEffect):
+    """An effect that makes the muscles themselves other than the card says; the chain follows from them."""
+
+    @abc.abstractmethod
+    def altered(self, muscle: Any) -> Any:
+        """The muscle component as it really is; exactly `muscle` at zero strength."""
+
+
 class AbstractFrictionEffect(AbstractEffect):
     r"""Dry friction: a limit, of which the machine uses the part that the motion calls for.
 
@@ -100,11 +108,12 @@ States = Mapping[str, Any]
 def addition(effects: Effects, slot: Slot, states: States, signals: Signals) -> Array | float:
     """Sum of what the effects of `slot` add under `signals`, in the order in which they were declared.
 
-    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`.
+    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`;
+    what alters the muscles acts before: :func:`altered_muscle`.
     """
     total: Array | float = 0.0
     for name, effect in effects.items():
-        if effect.slot == slot and not isinstance(effect, AbstractFrictionEffect):
+        if effect.slot == slot and not isinstance(effect, AbstractFrictionEffect | AbstractMuscleEffect):
             total = total + effect_value(effect, states.get(name), signals)
     return total
 
@@ -115,6 +124,14 @@ def effect_value(effect: AbstractEffect, state: Any, signals: Signals) -> Array:
         return effect.value(signals)
     assert isinstance(effect, AbstractRateEffect | AbstractMemoryEffect)
     return effect.value(state, signals)
+
+
+def altered_muscle(effects: Effects, muscle: Any) -> Any:
+    """The muscle component after all effects that alter it."""
+    for effect in effects.values():
+        if isinstance(effect, AbstractMuscleEffect):
+            muscle = effect.altered(muscle)
+    return muscle
 
 
 def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | float:

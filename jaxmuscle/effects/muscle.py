@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractStaticEffect
+from jaxmuscle.components import McKibben
+from jaxmuscle.effects.base import AbstractMuscleEffect, AbstractStaticEffect
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MUSCLE_FORCE, Signals
 
@@ -37,12 +39,11 @@ class PressureDependentEnds(AbstractStaticEffect):
         return force - muscle.force(signals.contraction, gauge, muscle.end_factor)
 
 
-class MuscleMismatch(AbstractStaticEffect):
-    r"""The two muscles of an antagonistic pair have different radii, r0 (1 - μ/2) and r0 (1 + μ/2).
+class MuscleMismatch(AbstractMuscleEffect):
+    r"""The second muscle of an antagonistic pair is thicker or thinner than the first: r0 (1 + μ).
 
-    .. math:: ΔF_i = F_i\,[(1 ∓ μ/2)^2 - 1]
-
-    since every term of [T] equation 4 grows with the square of the radius.
+    Its force grows with the square of the radius ([T] equation 4), the friction of its threads in
+    proportion (equations 14 and 16).
     """
 
     name: ClassVar = "muscle_mismatch"
@@ -50,10 +51,10 @@ class MuscleMismatch(AbstractStaticEffect):
     reads: ClassVar = frozenset({"muscle_pair"})
     strength: ClassVar = "ratio"
     starts: ClassVar = ({},)
-    source: ClassVar = "[T] equation 4 with two radii"
+    source: ClassVar = "[T] equations 4, 14 and 16 with two radii"
 
-    ratio: Scalar = parameter("", "relative difference μ between the muscles' radii", default=0.0)
+    ratio: Scalar = parameter("", "excess μ of the second muscle's radius over the first's", default=0.0)
 
-    def value(self, signals: Signals) -> Array:
-        half = 0.5 * self.ratio * np.array([-1.0, 1.0])
-        return signals.muscle_force * ((1 + half) ** 2 - 1)
+    def altered(self, muscle: McKibben) -> McKibben:
+        radius = muscle.initial_radius * (1 + self.ratio * np.array([0.0, 1.0]))
+        return eqx.tree_at(lambda m: m.initial_radius, muscle, radius)

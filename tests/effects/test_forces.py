@@ -69,17 +69,16 @@ def test_stretched_wall_gives_back_its_energy():
     np.testing.assert_allclose(force, -jax.vmap(jax.grad(energy))(CONTRACTION), rtol=1e-12, atol=1e-12)
 
 
-def test_mismatched_muscles_pull_like_muscles_of_their_radii():
+def test_mismatched_muscles_are_muscles_of_their_radii():
     gauge = jnp.asarray([2e5, 3e5])
     contraction = jnp.asarray([0.02, 0.04])
-    force = MUSCLE.force(contraction, gauge, MUSCLE.end_factor)
-    total = force + built(MuscleMismatch, ratio=0.1).value(Signals(muscle_force=force))
-    radii = np.array([0.007 * 0.95, 0.007 * 1.05])
-    expected = [
-        replace(MUSCLE, {"initial_radius": r}).force(x, p, MUSCLE.end_factor)
-        for r, x, p in zip(radii, contraction, gauge, strict=True)
-    ]
-    np.testing.assert_allclose(total, expected, rtol=1e-12)
+    pair = built(MuscleMismatch, ratio=0.1).altered(MUSCLE)
+    single = [replace(MUSCLE, {"initial_radius": r}) for r in (0.007, 0.007 * 1.1)]
+    both = list(zip(single, contraction, gauge, strict=True))
+    force = [muscle.force(x, p, MUSCLE.end_factor) for muscle, x, p in both]
+    np.testing.assert_allclose(pair.force(contraction, gauge, MUSCLE.end_factor), force, rtol=1e-12)
+    surface = [muscle.contact_surface(x) for muscle, x, _ in both]
+    np.testing.assert_allclose(pair.contact_surface(contraction), surface, rtol=1e-12)
 
 
 def test_gravity_pulls_towards_hanging_straight_down():

@@ -13,7 +13,7 @@ from jaxmuscle.effects import (
     AbstractRateEffect,
     AbstractStaticEffect,
 )
-from jaxmuscle.effects.base import AbstractFrictionEffect
+from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractMuscleEffect
 from jaxmuscle.signals import Past, Signals
 
 NOISE = np.random.default_rng(7).normal(0, 0.1, 32)
@@ -54,6 +54,9 @@ def contribution(name, strength, velocity):
     def disturbed(value):
         return jax.tree.map(lambda leaf: leaf + NOISE[: leaf.size].reshape(leaf.shape), value)
 
+    if isinstance(effect, AbstractMuscleEffect):
+        radius = now.muscle.initial_radius
+        return effect.altered(now.muscle).initial_radius / radius - 1
     if isinstance(effect, AbstractFrictionEffect):
         return effect.limit(now)
     if isinstance(effect, AbstractStaticEffect):

@@ -16,8 +16,8 @@ def joint(card, effects, command, step, pressure, angle, substeps):
     mismatch = effects.get("muscle_mismatch", {}).get("ratio", 0.0)
     delay = effects.get("command_delay", {}).get("delay", 0.0)
     muscles = [
-        {**card, "initial_radius": card["initial_radius"] * (1 - mismatch / 2)},
-        {**card, "initial_radius": card["initial_radius"] * (1 + mismatch / 2)},
+        card,
+        {**card, "initial_radius": card["initial_radius"] * (1 + mismatch)},
     ]
 
     def strains(theta):
