@@ -20,7 +20,8 @@ from jaxmuscle.fitting.problem import Problem, Residuals, evaluate
 from jaxmuscle.parameters import get, parameters, replace
 
 SPARE = 6
-"""Free parameters beyond the declared ones for which a fit is laid out: two effects of three."""
+"""Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
+is compiled for itself."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +101,8 @@ class Workbench:
         """`model` with its declared parameters and those of `effects` fitted to `problem`."""
         model = self.dressed(model, effects)
         description, chosen = self.free(model, effects)
-        minimum = minimise(model, problem, description, chosen, self.width, steps)
+        width = max(self.width, len(chosen))
+        minimum = minimise(model, problem, description, chosen, width, steps)
         return description.apply(model, jnp.asarray(minimum.z)), minimum
 
     def residuals(self, model: AbstractActuator, problem: Problem) -> Residuals:
