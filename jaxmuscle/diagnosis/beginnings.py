@@ -28,7 +28,8 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     A smoothed velocity is off by several of its standard deviations where a motion starts abruptly, and a
     free mass carries that error on to the end of the window. The samples around the beginning say more to
     one who knows how the machine moves: one Gauss-Newton step per window, twice, on the first
-    :data:`REACH` samples, with the smoothed velocity as a prior. Rigs whose velocity is imposed stay as they are.
+    :data:`REACH` samples, with the smoothed velocity as a prior. Rigs whose velocity is imposed stay as
+    they are.
     """
     whole = case.problem
     for name in model.derivatives:

@@ -5,50 +5,14 @@ import pytest
 from oracles import bench
 from oracles.driven import driven
 from oracles.isotonic import isotonic
-from oracles.recorded import NOISE, clock, driven_card, driven_recording, smooth_motion
+from oracles.recorded import NOISE, clock, driven_card, driven_recording, isotonic_card, smooth_motion
 
 from jaxmuscle.diagnosis.rates import missing_rates
 from jaxmuscle.fitting.case import case
-from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
 
 FRICTION = 25.0
 SAMPLES = 400
-UNITS = {
-    "initial_length": "m",
-    "initial_radius": "m",
-    "braid_angle": "rad",
-    "valve_area": "m^2",
-    "valve_time_constant": "s",
-    "full_command": "V",
-    "gas_temperature": "K",
-    "mass": "kg",
-    "ambient_pressure": "Pa",
-    "end_factor": "",
-    "polytropic_exponent": "",
-}
-
-
-def isotonic_card():
-    """The card of the oracle's values, all of them known."""
-    absolute = {"unit": "Pa", "reference": "absolute"}
-    given = bench.CARDS["isotonic"]
-    units = {"time": {"unit": "s"}, "command": {"unit": "V"}, "pressure": absolute, "position": {"unit": "m"}}
-    return Card.parse(
-        {
-            "rig": "isotonic",
-            "columns": {name: {"column": name, **unit} for name, unit in units.items()},
-            "known": {
-                name: {
-                    "value": float(value),
-                    **(absolute if name == "supply_pressure" else {"unit": UNITS[name]}),
-                }
-                for name, value in given.items()
-            },
-            "uncertain": {},
-            "noise": {},
-        }
-    )
 
 
 @pytest.fixture(scope="module")

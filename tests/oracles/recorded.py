@@ -68,3 +68,40 @@ def driven_recording(effects, card, *, seconds=20.0, seed=0, extra: ArrayLike = 
     force = driven(bench.CARDS["driven"], effects, *motion) + noise + np.asarray(extra)
     columns = {"pressure": motion[0], "position": motion[1], "force": force}
     return Recording("oracle", None, None, card, clock(len(force), STEP), STEP, columns)
+
+
+UNITS = {
+    "initial_length": "m",
+    "initial_radius": "m",
+    "braid_angle": "rad",
+    "valve_area": "m^2",
+    "valve_time_constant": "s",
+    "full_command": "V",
+    "gas_temperature": "K",
+    "mass": "kg",
+    "ambient_pressure": "Pa",
+    "end_factor": "",
+    "polytropic_exponent": "",
+}
+
+
+def isotonic_card():
+    """The card of the oracle's values, all of them known."""
+    absolute = {"unit": "Pa", "reference": "absolute"}
+    given = bench.CARDS["isotonic"]
+    units = {"time": {"unit": "s"}, "command": {"unit": "V"}, "pressure": absolute, "position": {"unit": "m"}}
+    return Card.parse(
+        {
+            "rig": "isotonic",
+            "columns": {name: {"column": name, **unit} for name, unit in units.items()},
+            "known": {
+                name: {
+                    "value": float(value),
+                    **(absolute if name == "supply_pressure" else {"unit": UNITS[name]}),
+                }
+                for name, value in given.items()
+            },
+            "uncertain": {},
+            "noise": {},
+        }
+    )
