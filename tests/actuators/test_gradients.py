@@ -48,11 +48,6 @@ def swing(first, second, angle=0.0, velocity=0.0, change=0.0):
     return bench.track("joint", command, pressure=gauge, angle=angle, angular_velocity=velocity)
 
 
-def bend(gauge, change):
-    command = bench.AMBIENT + gauge + change * np.linspace(0, 1, SAMPLES)
-    return bench.track("elbow", command, pressure=bench.AMBIENT + gauge)
-
-
 def pull(position, velocity):
     t = np.arange(SAMPLES) * bench.STEPS["driven"]
     pressure = bench.AMBIENT + 2.5e5 + 1e5 * np.sin(5 * t)
@@ -72,12 +67,6 @@ SCENES = {
         "breaking away": swing(2.5e5, 2.5e5, change=2e5),
         "reversing": swing(1.5e5, 3.5e5, angle=0.2, velocity=2.1),
         "slack": swing(3e5, 2e5, angle=2.3, velocity=0.5),
-    },
-    "elbow": {
-        "at rest": bend(2.13e5, 0.0),
-        "rising": bend(0.37e5, 4e5),
-        "falling": bend(4.21e5, -3e5),
-        "reversing": bend(2.13e5, 2.7e5 * np.sin(5 * np.pi * np.linspace(0, 1, SAMPLES))),
     },
     "driven": {
         "at rest": pull(lambda t: 0.03 + 0 * t, lambda t: 0 * t),
