@@ -126,7 +126,7 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
     total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
     for name in actuator.derivatives:
         values = problem.track.measured[name]
-        late, early = jnp.concatenate([values[:1], values[:-1]]), jnp.concatenate([values[1:], values[-1:]])
+        late, early = _neighbours(values, problem)
         for one, other in ((values + spread[name], values - spread[name]), (late, early)):
             up, down = predicted(name, one), predicted(name, other)
             total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
@@ -134,6 +134,21 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
         out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
         for out, w in problem.weights.items()
     }
+
+
+def _neighbours(values: Array, problem: Problem) -> tuple[Array, Array]:
+    """The value a sample before and a sample later; its own where that sample is none that counts.
+
+    A held-out sample next to the windows must not reach even their weights.
+    """
+    rows = jnp.minimum(problem.rows[:, None] + jnp.arange(problem.samples), len(values) - 1)
+    counted = [(w > 0).reshape(*rows.shape, -1).any(-1) for w in problem.weights.values()]
+    counts = jnp.zeros(len(values), dtype=bool).at[rows].max(sum(counted[1:], start=counted[0]))
+    late = jnp.where(jnp.roll(counts, 1).at[0].set(False).reshape(-1, *[1] * (values.ndim - 1)),
+                     jnp.roll(values, 1, axis=0), values)  # fmt: skip
+    early = jnp.where(jnp.roll(counts, -1).at[-1].set(False).reshape(-1, *[1] * (values.ndim - 1)),
+                      jnp.roll(values, -1, axis=0), values)  # fmt: skip
+    return late, early
 
 
 def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start) -> Array:
