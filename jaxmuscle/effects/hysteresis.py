@@ -6,24 +6,15 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
-from numpy.typing import NDArray
+from jaxtyping import Array
 
 from jaxmuscle.effects.base import AbstractMemoryEffect
+from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MUSCLE_FORCE, Signals
 
 THRESHOLDS = np.linspace(0.01, 0.08, 8)
 """Half-widths r_i of the play operators, as contraction ratios [-]."""
-
-
-def play(
-    memory: Float[Array, "... operators"],
-    value: Float[Array, "... 1"],
-    threshold: NDArray[np.float64] | Float[Array, " operators"],
-) -> Float[Array, "... operators"]:
-    r"""Play operator, exact at any step size: :math:`F = \max(v - r, \min(v + r, F^-))`, [W] before (1)."""
-    return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
 
 
 class LengthHysteresis(AbstractMemoryEffect):

@@ -1,0 +1,68 @@
+"""Play, stop and Dahl operators: rate-independent memories, exact at any step size.
+
+Each takes its memory and the next input and returns the new memory. They depend on the way that the input
+has gone, not on how fast: a straight way in one step or in a thousand gives the same value.
+"""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+from numpy.typing import NDArray
+
+Operators = Float[Array, "... operators"]
+Thresholds = NDArray | Operators
+
+
+def play(memory: Operators, value: Float[Array, "... #operators"], threshold: Thresholds) -> Operators:
+    r"""Play operator: :math:`F = \max(v - r, \min(v + r, F^-))`, [W] before (1).
+
+    Args:
+        memory: F⁻, what the operators were before [unit of the input].
+        value: v, the input now.
+        threshold: half-widths r ≥ 0.
+    """
+    return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
+
+
+def stop(memory: Operators, value: Float[Array, "... #operators"], threshold: Thresholds) -> Operators:
+    r"""Stop operator, what the play leaves of its input: :math:`E = v - F`, from -r to r.
+
+    `memory` is that of the play operator.
+    """
+    return value - play(memory, value, threshold)
+
+
+def enveloped_play(
+    memory: Operators,
+    rising: Float[Array, "... #operators"],
+    falling: Float[Array, "... #operators"],
+    threshold: Thresholds,
+) -> Operators:
+    r"""Play between two envelopes: :math:`F = \max(γ_l(v) - r, \min(γ_r(v) + r, F^-))`, [W] (4).
+
+    Args:
+        memory: F⁻.
+        rising: γ_l(v), along which the operator goes up, `threshold` below it.
+        falling: γ_r(v), along which it comes down, `threshold` above it.
+        threshold: r ≥ 0. Where γ_l - r lies above γ_r + r the operator has no memory and is γ_l - r.
+
+    Exact at any step size if both envelopes rise. With γ_l = γ_r = v it is :func:`play`.
+    """
+    return jnp.maximum(rising - threshold, jnp.minimum(falling + threshold, memory))
+
+
+def dahl(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
+    r"""Dahl's presliding: :math:`dz/dx = (1 - z\,\mathrm{sgn}\,dx)/d`, integrated over a straight move.
+
+    Args:
+        memory: z before the move, -1 … 1: the share of the Coulomb friction that acts.
+        move: Δx.
+        distance: d, over which the friction turns round, in the unit of x.
+
+    Returns:
+        :math:`z = s + (z^- - s) e^{-|Δx|/d}` with s the sign of the move (Dahl, 1968, exponent 1).
+    """
+    before, way = jnp.asarray(memory, dtype=float), jnp.asarray(move, dtype=float)
+    sense = jnp.sign(way)
+    return jnp.where(way == 0, before, sense + (before - sense) * jnp.exp(-sense * way / distance))
