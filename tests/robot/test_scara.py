@@ -1,0 +1,107 @@
+"""The robot as a machine like any other: its parameters, its effects, its door for simulations."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.robot_bench import AMBIENT, machine
+
+from jaxmuscle import describe, simulate
+from jaxmuscle.actuators import Held
+from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects.base import initial_states
+from jaxmuscle.parameters import get
+from jaxmuscle.robot import Scara
+from jaxmuscle.robot.scara import PULLS
+from jaxmuscle.signals import Past
+
+OFFERED = [effect for effect in CATALOGUE if Scara.offers(effect)]
+STATE = {
+    "pressure": AMBIENT + jnp.array([3e5, 2e5, 1.5e5, 3.2e5]),
+    "pressure_rate": jnp.array([1e5, -2e5, 3e5, 0.0]),
+    "angle": jnp.array([0.3, -0.8]),
+    "angular_velocity": jnp.array([0.7, -1.3]),
+}
+
+
+def field(actuator):
+    """Rates of all states at a moving state, effects at rest."""
+    held = Held(STATE["pressure"], None, {})
+    states, memory = initial_states(actuator.effects, machine().signals({**STATE, "effects": {}}, held))
+    command = STATE["pressure"]
+    past = Past(jnp.stack([command] * 2), jnp.asarray(0), jnp.asarray(2e-3), command)
+    return actuator.vector_field({**STATE, "effects": states}, Held(STATE["pressure"], past, memory))
+
+
+def test_every_parameter_has_a_unit_and_a_meaning():
+    table = describe(machine())
+    assert (table["meaning"].str.len() > 10).all()
+    assert not table.isna().to_numpy().any()
+    assert table.loc["arm.second.mass", "unit"] == "kg"
+    for path in Scara.quantities.values():
+        assert path in table.index
+
+
+def test_muscles_turn_their_joints():
+    # More pressure in the first muscle of a joint turns it forward, in the second backward, and no other.
+    actuator = machine(friction=False)
+
+    def load(pressure):
+        return actuator.signals({**STATE, "pressure": pressure, "effects": {}}, Held(pressure, None, {})).load
+
+    np.testing.assert_array_equal(np.sign(jax.jacfwd(load)(STATE["pressure"])), PULLS)
+
+
+@pytest.mark.parametrize("effect", OFFERED, ids=lambda effect: effect.name)
+def test_effect_of_no_strength_changes_nothing(effect):
+    bare = machine(friction=False)
+    carried = bare.with_effects(**{effect.name: effect()})
+    assert float(get(carried, f"effects.{effect.name}.{effect.strength}")) == 0
+    rates, expected = field(carried), field(bare)
+    for name in STATE:
+        np.testing.assert_array_equal(rates[name], expected[name])
+
+
+def test_effects_that_need_a_pair_or_one_angle_are_not_offered():
+    names = {effect.name for effect in OFFERED}
+    assert {"thread_friction", "length_hysteresis", "creep", "load_damping"} <= names
+    assert not {"muscle_mismatch", "gravity"} & names
+
+
+def test_effects_with_states_run():
+    actuator = machine().with_effects(
+        creep=bench.BY_NAME["creep"](stiffness=60.0),  # pyright: ignore
+        length_hysteresis=bench.BY_NAME["length_hysteresis"](**bench.LOOP),  # pyright: ignore
+    )
+    times = np.arange(200) * 2e-3
+    gauge = 2.5e5 + 1e5 * np.sin(6 * times)[:, None] * [1.0, -1.0, -1.0, 1.0]
+    angles = [
+        np.asarray(
+            simulate(m, AMBIENT + gauge, times, start={"pressure": AMBIENT + gauge[0]}).readings["angle"]
+        )
+        for m in (actuator, machine())
+    ]
+    assert np.isfinite(angles[0]).all()
+    assert np.abs(angles[0] - angles[1]).max() > 1e-3
+
+
+def test_simulation_has_a_column_for_every_sensor():
+    times = np.arange(20) * 2e-3
+    start = {"pressure": np.full(4, AMBIENT + 2.5e5), "angle": [0.1, 0.2]}
+    frame = simulate(machine(), np.full((20, 4), AMBIENT + 2.5e5), times, start=start).to_frame()
+    assert sorted(frame) == ["angle_1", "angle_2", *(f"pressure_{i}" for i in (1, 2, 3, 4))]
+    np.testing.assert_allclose(frame[["angle_1", "angle_2"]], [[0.1, 0.2]] * 20, atol=1e-12)
+
+
+def test_symmetric_pressures_hold_the_middle():
+    rates = machine(friction=False).vector_field(
+        {
+            **STATE,
+            "pressure": jnp.full(4, AMBIENT + 2e5),
+            "angle": jnp.zeros(2),
+            "angular_velocity": jnp.zeros(2),
+        },
+        Held(jnp.full(4, AMBIENT + 2e5), None, {}),
+    )
+    np.testing.assert_allclose(rates["angular_velocity"], 0, atol=1e-12)
