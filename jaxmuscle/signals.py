@@ -25,12 +25,14 @@ class Slot:
 
 
 COMMAND = Slot("command", "{command}")
+TIP_FORCE = Slot("tip_force", "N")
+TIP_POSITION = Slot("tip_position", "m")
 MASS_FLOW = Slot("mass_flow", "kg/s")
 MUSCLE_FORCE = Slot("muscle_force", "N")
 LOAD = Slot("load", "{load}")
 FORCE_READING = Slot("force_reading", "N")
 
-SLOTS = (COMMAND, MASS_FLOW, MUSCLE_FORCE, LOAD, FORCE_READING)
+SLOTS = (COMMAND, TIP_FORCE, TIP_POSITION, MASS_FLOW, MUSCLE_FORCE, LOAD, FORCE_READING)
 
 
 class Past(eqx.Module):
@@ -66,6 +68,10 @@ class Signals(eqx.Module):
     past: Past | None = None
     ambient_pressure: Any = None  # Pa
     gas_temperature: Any = None  # K
+    current: Any = None  # A, in the coil of the valve
+    tip_force: Any = None  # N, of the torque motor on the tip of a jet pipe
+    tip_position: Any = None  # m, where that force holds the tip
+    pipe: Any = None  # the jet-pipe component, for its constants
     pressure: Any = None  # Pa, absolute, in the muscle
     volume: Any = None  # m^3
     mass_flow: Any = None  # kg/s into the muscle

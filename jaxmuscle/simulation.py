@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
 from jaxmuscle.chebyshev import ChebyshevRungeKutta
 from jaxmuscle.effects.base import States, initial_states, updated_memories
+from jaxmuscle.exponential import ExponentialHeun, propagator
 from jaxmuscle.signals import Past
 
 
@@ -121,6 +122,7 @@ def run(
     free = {name: value for name, value in start.state.items() if name not in imposed}
     packed, unpack = ravel_pytree(free)
     width = track.step / substeps
+    solver = _solver(actuator, start.state, free, width)
 
     def sample(carry, index):
         packed, memory = carry
@@ -153,7 +155,7 @@ def run(
                 return ravel_pytree({name: rates[name] for name in free})[0]
 
             if packed.size:
-                packed = _solver_step(field, begin, begin + width, packed)
+                packed = _solver_step(solver, field, begin, begin + width, packed)
             state = actuator.constrained(whole(packed, (begin + width) / track.step))
             packed = ravel_pytree({name: state[name] for name in free})[0]
             memory = updated_memories(actuator.effects, memory, actuator.signals(state, held), width)
@@ -178,9 +180,27 @@ def _fresh_where(
     return choose(anew, packed), jax.tree.map(choose, dict(fresh.memory), dict(memory))
 
 
-def _solver_step(field: Any, begin: Array, end: Array, packed: Array) -> Array:
+def _solver(
+    actuator: AbstractActuator, state: State, free: State, width: Array
+) -> ChebyshevRungeKutta | ExponentialHeun:
+    """The stabilised explicit method; where the machine has a fast linear part, the exponential one."""
+    if not actuator.linear_part(state):
+        return ChebyshevRungeKutta()
+    packed, unpack = ravel_pytree(free)
+    still = jax.tree.map(jnp.zeros_like, state)
+
+    def linear(packed: Array) -> Array:
+        own = unpack(packed)
+        rates = actuator.linear_part({**still, **own})
+        return ravel_pytree({name: rates.get(name, still[name]) for name in own})[0]
+
+    return ExponentialHeun(propagator(jax.jacfwd(linear)(jnp.zeros_like(packed)), width))
+
+
+def _solver_step(
+    solver: ChebyshevRungeKutta | ExponentialHeun, field: Any, begin: Array, end: Array, packed: Array
+) -> Array:
     term = diffrax.ODETerm(field)
-    solver = ChebyshevRungeKutta()
     solver_state = solver.init(term, begin, end, packed, None)
     return solver.step(term, begin, end, packed, None, solver_state, made_jump=False)[0]
 
@@ -194,7 +214,7 @@ def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States
     return Held(track.command[row], Past(track.command, row, track.step, before, first), memory)
 
 
-def observe(actuator: AbstractActuator, track: Track, samples: int) -> Start:
+def observe(actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1) -> Start:
     """The states that are not measured, carried along the whole track by the measured ones.
 
     Every measured state is imposed; openings, hysteresis, creep and lags run on from rest at the first
@@ -203,8 +223,9 @@ def observe(actuator: AbstractActuator, track: Track, samples: int) -> Start:
     imposed = (*actuator.measured, *actuator.derivatives)
     start = start_at_rest(actuator, track)
     hidden = tuple(name for name in start.state if name not in imposed)
+    row = jnp.asarray(0)
     return run(
-        actuator, track, start, jnp.asarray(0), samples=samples, imposed=imposed, substeps=1, keep=hidden
+        actuator, track, start, row, samples=samples, imposed=imposed, substeps=substeps, keep=hidden
     ).states
 
 

@@ -83,6 +83,14 @@ class AbstractActuator(eqx.Module):
     def vector_field(self, state: State, held: Held) -> State:
         """Time derivatives of all states."""
 
+    def linear_part(self, state: State) -> State:
+        """A fast part of the vector field, linear in the state, that is to be integrated exactly.
+
+        Rates of the states that it concerns, with constant coefficients; :meth:`vector_field` contains
+        them. Empty for machines without one.
+        """
+        return {}
+
     @abc.abstractmethod
     def readings(self, signals: Signals) -> dict[str, Array]:
         """What the sensors show: one entry for each of `outputs`."""

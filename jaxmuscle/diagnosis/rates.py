@@ -41,11 +41,13 @@ def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
     derivative (a mass that sticks is held by a force that the least velocity makes), that of the latter.
     """
     track, samples = case.observed.track, case.observed.samples
-    rates, readings = _evaluate(model, track, samples)
+    substeps = case.problem.substeps
+    rates, readings = _evaluate(model, track, samples, substeps)
     variance = {name: jnp.zeros_like(values) for name, values in rates.items()}
     for name in model.derivatives:
         spread = case.observed.spread[name]
-        up, down = (_evaluate(model, _shifted(track, name, sign * spread), samples)[0] for sign in (1, -1))
+        shifted = (_shifted(track, name, sign * spread) for sign in (1, -1))
+        up, down = (_evaluate(model, other, samples, substeps)[0] for other in shifted)
         variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
     return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
 
@@ -55,8 +57,8 @@ def _shifted(track: Track, name: str, shift: Array) -> Track:
 
 
 @eqx.filter_jit
-def _evaluate(model: AbstractActuator, track: Track, samples: int):
-    hidden = observe(model, track, samples)
+def _evaluate(model: AbstractActuator, track: Track, samples: int, substeps: int):
+    hidden = observe(model, track, samples, substeps)
 
     def instant(row, start):
         state = {**start.state, **track.at(row)}

@@ -28,8 +28,13 @@ class Dependence:
 
 
 def variables(case: Case) -> dict[str, Series]:
-    """The measured variables of a recording, by name: columns, and rates of those that have a rate state."""
+    """The measured variables of a recording, by name: columns, and rates of those that have a rate state.
+
+    The commands, where no state of the rig is measured.
+    """
     actuator, measured = case.actuator, case.observed.track.measured
+    if not actuator.measured:
+        return {name: case.recording.columns[name] for name in actuator.commands}
     named: dict[str, Series] = {}
     for state, columns in {
         **actuator.measured,

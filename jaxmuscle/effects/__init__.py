@@ -13,10 +13,13 @@ from jaxmuscle.effects.hysteresis import LengthHysteresis
 from jaxmuscle.effects.load import Gravity, LoadDamping
 from jaxmuscle.effects.muscle import MuscleMismatch, PressureDependentEnds
 from jaxmuscle.effects.sensor import ForceSensorLag
+from jaxmuscle.effects.valve import CurrentSaturation, ValveHysteresis
 from jaxmuscle.effects.viscoelastic import Creep
 
 CATALOGUE: tuple[type[AbstractEffect], ...] = (
     CommandDelay,
+    CurrentSaturation,
+    ValveHysteresis,
     ChamberLeak,
     ThreadFriction,
     LengthHysteresis,
@@ -45,6 +48,7 @@ __all__ = [
     "ChamberLeak",
     "CommandDelay",
     "Creep",
+    "CurrentSaturation",
     "ForceSensorLag",
     "Gravity",
     "LengthHysteresis",
@@ -53,4 +57,5 @@ __all__ = [
     "MuscleMismatch",
     "PressureDependentEnds",
     "ThreadFriction",
+    "ValveHysteresis",
 ]

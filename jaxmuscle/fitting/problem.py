@@ -76,13 +76,13 @@ def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
 
 def link_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Every output predicted by its own link, the inputs of the link as measured."""
-    hidden = observe(actuator, problem.track, problem.total)
+    hidden = observe(actuator, problem.track, problem.total, problem.substeps)
     return {link.output: _predict(actuator, problem, link, hidden) for link in actuator.links}
 
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Every output predicted from the command alone, window by window."""
-    hidden = observe(actuator, problem.track, problem.total)
+    hidden = observe(actuator, problem.track, problem.total, problem.substeps)
     return predict(
         actuator,
         problem.track,

@@ -47,6 +47,8 @@ KINDS = {
     "kg m^2": ("a moment of inertia", "kg m^2"),
     "N s/m": ("a damping", "N s/m"),
     "N m s/rad": ("a damping", "N m s/rad"),
+    "m/N": ("a compliance", "mm/N"),
+    "A/V": ("a gain of a current driver", "A/V"),
     "": ("a plain number", ""),
 }
 """SI unit → what it measures, and an example of a unit for it."""

@@ -101,4 +101,4 @@ def test_shapes_are_those_of_the_effect(name):
 
 def test_effects_with_a_state_of_their_own():
     names = {effect.name for effect in CATALOGUE if carries_state(effect)}
-    assert names == {"length_hysteresis", "creep", "force_sensor_lag"}
+    assert names == {"length_hysteresis", "creep", "force_sensor_lag", "valve_hysteresis"}

@@ -33,6 +33,8 @@ def situation(velocity, contraction):
         past=Past(table, jnp.asarray(4), jnp.asarray(2e-3), table[0]),
         ambient_pressure=jnp.asarray(bench.AMBIENT),
         gas_temperature=jnp.asarray(293.15),
+        pipe=bench.model("jet-pipe").pipe,
+        current=jnp.asarray(0.1 + 10 * contraction),
         pressure=pressure,
         mass_flow=1e-4 * both,
         contraction=0.05 + contraction * both,

@@ -16,6 +16,8 @@ PAIRS = [(rig, effect) for rig in bench.BLANKS for effect in bench.offered(rig)]
 IDS = [f"{rig}-{effect.name}" for rig, effect in PAIRS]
 LANES, ROW = 6, 3
 RANDOM = {
+    "current": lambda rng: rng.uniform(-0.3, 0.3),
+    "pipe": lambda rng, *shape: rng.normal(0, 2e-4, *shape),
     "opening": lambda rng: rng.uniform(-1, 1),
     "pressure": lambda rng, *shape: bench.AMBIENT + rng.uniform(0, 5e5, *shape),
     "pressure_rate": lambda rng, *shape: rng.normal(0, 1e6, *shape),
@@ -23,22 +25,36 @@ RANDOM = {
     "contraction": lambda rng: rng.uniform(0, 0.09),
     "velocity": lambda rng: rng.choice([0.0, rng.normal(0, 0.3)]),
     "angle": lambda rng: rng.normal(0, 1.0),
+    "plays": lambda rng, *shape: rng.normal(2.0, 1.0, *shape),
     "angular_velocity": lambda rng: rng.choice([0.0, rng.normal(0, 5.0)]),
 }
-SIZES = {"area": 1e-7, "delay": 3e-3, "force": 5.0, "stiffness": 100.0, "time_constant": 0.05}
-SHAPED = {"joint": ("pressure", "pressure_rate")}
+SIZES = {
+    "area": 1e-7,
+    "delay": 3e-3,
+    "force": 5.0,
+    "stiffness": 100.0,
+    "time_constant": 0.05,
+    "inverse_limit": 20.0,
+}
+SHAPES = {
+    "joint": {"pressure": (2,), "pressure_rate": (2,)},
+    "elbow": {"plays": (10,)},
+    "jet-pipe": {"pipe": (3,), "pressure": (2,)},
+}
 STATES = {
     "isotonic": ("opening", "pressure", "position", "velocity"),
     "driven": ("pressure", "contraction", "velocity"),
     "joint": ("pressure", "pressure_rate", "angle", "angular_velocity"),
+    "elbow": ("pressure", "pressure_rate", "plays"),
+    "jet-pipe": ("current", "pipe", "pressure"),
 }
 
 
 def drawn(rig, seed):
     """A random state of the rig and a random history of its command."""
     rng = np.random.default_rng(seed)
-    shapes = {name: ((2,) if name in SHAPED.get(rig, ()) else ()) for name in STATES[rig]}
-    state = {name: jnp.asarray(RANDOM[name](rng, *shapes[name])) for name in STATES[rig]}
+    shapes = SHAPES.get(rig, {})
+    state = {name: jnp.asarray(RANDOM[name](rng, *shapes.get(name, ()))) for name in STATES[rig]}
     table = rng.uniform(-5, 5, (6,)) if rig != "joint" else bench.AMBIENT + rng.uniform(0, 5e5, (6, 2))
     return state, jnp.asarray(table), jnp.asarray(rng.normal(0, 0.1, 64))
 

@@ -4,14 +4,23 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxmuscle.actuators import RIGS, Driven, Isotonic, Joint
-from jaxmuscle.components import FlowValve, McKibben, PressureRegulator
+from jaxmuscle.actuators import RIGS, Driven, Elbow, Isotonic, JetPipeActuator, Joint
+from jaxmuscle.components import (
+    CurrentDriver,
+    Cylinder,
+    FlowValve,
+    JetPipe,
+    McKibben,
+    PressureRegulator,
+    Receiver,
+)
 from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import replace
 from jaxmuscle.simulation import Track, run, start_at_rest
 
 AMBIENT = 101325.0
-STEPS = {"isotonic": 2e-3, "joint": 2e-3, "driven": 1e-2}
+STEPS = {"isotonic": 2e-3, "joint": 2e-3, "driven": 1e-2, "elbow": 1e-2, "jet-pipe": 2e-3}
 MUSCLE = {
     "initial_length": 0.3,
     "initial_radius": 0.007,
@@ -39,6 +48,38 @@ CARDS = {
         "initial_contraction": 0.2,
         "inertia": 0.04,
     },
+    "elbow": {
+        "ambient_pressure": AMBIENT,
+        "regulator_frequency": 6.0,
+        "regulator_damping": 0.9,
+        "rising_height": 3.0,
+        "rising_slope": 5e-6,
+        "rising_shift": -1.6,
+        "rising_level": 2.76,
+        "falling_height": 2.8,
+        "falling_slope": 5.5e-6,
+        "falling_shift": -1.2,
+        "falling_level": 2.33,
+        "density": 0.065,
+        "decay": 1.5,
+        "spacing": 0.1,
+        "linear": 1e-7,
+        "cubic": 1e-19,
+    },
+    "jet-pipe": {
+        "ambient_pressure": AMBIENT,
+        "gas_temperature": 293.15,
+        "supply_pressure": AMBIENT + 5.516e5,
+        "stopper_position": 0.048,
+        "current_gain": 0.1,
+        "residual_force": 3.0,
+        "polytropic_exponent": 1.4,
+        "pipe_compliance": 0.8e-3,
+        "pipe_saturation_force": 0.9,
+        "receiver_offset": 0.099e-3,
+        "discharge_coefficient": 0.696,
+        "initial_pressure": 3e5,
+    },
 }
 
 
@@ -51,7 +92,20 @@ BLANKS = {
     "isotonic": built(Isotonic, built(FlowValve, 1, 1, 1, 1), built(McKibben, 1, 1, 1, 1), 1),
     "driven": built(Driven, built(McKibben, 1, 1, 1, 1)),
     "joint": built(Joint, built(PressureRegulator, 1, 1), built(McKibben, 1, 1, 1, 1), 1, 1, 0),
+    "elbow": built(
+        Elbow,
+        built(PressureRegulator, 1, 1),
+        built(ModifiedPrandtlIshlinskii, built(Envelope, 1, 1), built(Envelope, 1, 1), 1, 1, 1),
+    ),
 }
+BLANKS["jet-pipe"] = built(
+    JetPipeActuator,
+    built(CurrentDriver, 1),
+    built(JetPipe, 1, 1, 0),
+    built(Receiver, 1, 1),
+    built(Cylinder),
+    1,
+)
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.105, "velocity_constant": 0.15}
 BLADDER = {"stiffness": 900.0, "threshold_pressure": 3.8e4}
 WALL = {"wall_stiffness": 15.0}
@@ -87,6 +141,21 @@ def joint_command():
     return AMBIENT + 2.5e5 + np.stack([difference, -difference], axis=1)
 
 
+def elbow_command():
+    """Up, part of the way down, up, small loops, down [Pa, absolute]; 3 s."""
+    t = np.arange(300) * STEPS["elbow"]
+    corners = [0.0, 0.7, 1.1, 1.5, 1.7, 1.9, 2.1, 2.7, 3.0], [0, 5.6, 2.1, 4.3, 3.3, 3.9, 2.9, 0.4, 0.4]
+    return AMBIENT + 1e5 * np.interp(t, *corners)
+
+
+def jet_pipe_command():
+    """Pull, let go, pull hard, sines about the middle of the range, push, small loops [V]; 1.2 s."""
+    t = np.arange(600) * STEPS["jet-pipe"]
+    sines = 0.9 + 0.8 * np.sin(2 * np.pi * 9 * (t - 0.5))
+    loops = 0.6 + 0.25 * np.sin(2 * np.pi * 20 * (t - 0.9))
+    return np.select([t < 0.2, t < 0.3, t < 0.5, t < 0.8, t < 0.9], [1.3, 0.3, 2.2, sines, -0.8], loops)
+
+
 def driven_motion():
     """Pressure, contraction and velocity of a test machine: triangles with a dwell, pressure waving; 2 s."""
     t = np.arange(200) * STEPS["driven"]
@@ -115,6 +184,11 @@ def isotonic_track(command):
 def joint_track(command):
     """The joint at angle 0, the pressures as first commanded."""
     return track("joint", command, pressure=np.asarray(command[0]), angle=0.0, angular_velocity=0.0)
+
+
+def elbow_track(command):
+    """The muscles at the pressure first commanded."""
+    return track("elbow", command, pressure=np.asarray(command[0]))
 
 
 def driven_track(pressure, contraction, velocity):

@@ -1,0 +1,105 @@
+"""A machine under a constant command, as a function of one packed state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Float
+
+from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.effects.base import States
+from jaxmuscle.errors import InputError
+from jaxmuscle.signals import Past
+from jaxmuscle.simulation import Track, start_at_rest
+
+Packed = Float[Array, " states"]
+
+
+class Situation(eqx.Module):
+    """Packed states of a machine, of which some may be held, and the memories of its effects.
+
+    Attributes:
+        start: packed states that are not held.
+        held: states that keep their value.
+        memory: memories of effects, which do not change.
+    """
+
+    start: Packed
+    held: State
+    memory: States
+    unpack: Callable[[Packed], State] = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+
+    def rates(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
+        """Packed time derivatives under a constant command."""
+        free = self.unpack(packed)
+        rates = actuator.vector_field({**free, **self.held}, steady(actuator, command, self.memory))
+        return ravel_pytree({name: rates[name] for name in free})[0]
+
+    def readings(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
+        """All readings as one vector, in the order of the rig's outputs."""
+        state = {**self.unpack(packed), **self.held}
+        shown = actuator.readings(actuator.signals(state, steady(actuator, command, self.memory)))
+        return jnp.concatenate([jnp.ravel(shown[name]) for name in actuator.outputs])
+
+    def output(self, actuator: AbstractActuator, column: str) -> int:
+        """Place of a column ("force", "pressure_2") in the vector of readings."""
+        columns = [name for names in actuator.outputs.values() for name in names]
+        if column not in columns:
+            raise InputError(f"expected an output of rig {actuator.rig!r}, one of {columns}; got {column!r}")
+        return columns.index(column)
+
+
+def situation(
+    actuator: AbstractActuator, command: ArrayLike, start: Mapping[str, ArrayLike], hold: tuple[str, ...]
+) -> Situation:
+    """The machine at rest under `command`, its measured states as `start` says.
+
+    Raises:
+        InputError: a rig without a command; a state to start from or to hold that the rig does not have.
+    """
+    if not actuator.commands:
+        raise InputError(f"rig {actuator.rig!r} has no command, and so no operating point of its own")
+    measured = _measured(actuator, start)
+    track = Track(jnp.asarray(1.0), jnp.asarray(command, dtype=float)[None], measured)
+    begin = start_at_rest(actuator, track)
+    if unknown := set(hold) - set(begin.state):
+        raise InputError(f"hold: expected states of {sorted(begin.state)}; got {sorted(unknown)}")
+    free = {name: value for name, value in begin.state.items() if name not in hold}
+    kept = {name: value for name, value in begin.state.items() if name in hold}
+    packed, unpack = ravel_pytree(free)
+    return Situation(packed, kept, begin.memory, unpack, _names(free))
+
+
+def steady(actuator: AbstractActuator, command: Array, memory: States) -> Held:
+    """What stays as it is under a command that has always been the same."""
+    past = Past(jnp.stack([command]), jnp.asarray(0), jnp.asarray(1.0), command)
+    return Held(command, past, memory)
+
+
+def _measured(actuator: AbstractActuator, start: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    names = (*actuator.measured, *actuator.derivatives)
+    if unknown := set(start) - set(names):
+        raise InputError(f"start: expected some of {sorted(names)}; got {sorted(unknown)}")
+    found = {}
+    for name in names:
+        columns = actuator.measured[actuator.derivatives.get(name, name)]
+        ambient = getattr(actuator, "ambient_pressure", 0.0) if name == "pressure" else 0.0
+        value = jnp.asarray(start.get(name, ambient), dtype=float)
+        found[name] = jnp.broadcast_to(value, (len(columns),) if len(columns) > 1 else ())[None]
+    return found
+
+
+def _names(state: State) -> tuple[str, ...]:
+    """A name for every entry of the packed state."""
+    names = []
+    for path, leaf in jax.tree_util.tree_flatten_with_path(state)[0]:
+        name = ".".join(str(getattr(key, "key", key)) for key in path)
+        size = int(np.size(leaf))
+        names += [name] if jnp.ndim(leaf) == 0 else [f"{name}_{i + 1}" for i in range(size)]
+    return tuple(names)

@@ -1,0 +1,71 @@
+"""An exponential Runge-Kutta method for diffrax: a fast linear part of a machine is integrated exactly.
+
+A lightly damped resonance binds an explicit method to steps far shorter than anything that is sampled, and
+Chebyshev's lie along the wrong axis. Where the fast part is linear with constant coefficients,
+y' = A y + N(t, y), the second-order method ETD2RK of Cox and Matthews (J. Comput. Phys. 176, 2002,
+equations 20 to 22) needs the exponential of A once a run and two evaluations a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from diffrax import RESULTS
+from jaxtyping import Array, Float
+
+Matrix = Float[Array, "n n"]
+
+
+class Propagator(eqx.Module):
+    r"""What one step of width h needs of A: :math:`e^{Ah}`, :math:`h φ_1(Ah)`, :math:`h φ_2(Ah)`.
+
+    :math:`φ_1(z) = (e^z - 1)/z,\ φ_2(z) = (φ_1(z) - 1)/z`.
+    """
+
+    matrix: Matrix
+    whole: Matrix
+    first: Matrix
+    second: Matrix
+
+
+def propagator(matrix: Matrix, width: Array) -> Propagator:
+    """The propagator of `matrix` over steps of `width`: blocks of the exponential of one larger matrix."""
+    size = matrix.shape[0]
+    zero, one = jnp.zeros_like(matrix), jnp.eye(size)
+    large = jnp.block([[width * matrix, one, zero], [zero, zero, one], [zero, zero, zero]])
+    top = jax.scipy.linalg.expm(large)[:size]
+    return Propagator(matrix, top[:, :size], width * top[:, size : 2 * size], width * top[:, 2 * size :])
+
+
+class ExponentialHeun(diffrax.AbstractSolver):
+    """ETD2RK over steps of the width for which its propagator was made; Heun's method where A is zero."""
+
+    propagator: Propagator
+    term_structure: ClassVar = diffrax.ODETerm
+    interpolation_cls: ClassVar[Callable[..., Any]] = diffrax.LocalLinearInterpolation
+
+    def order(self, terms: object) -> int:
+        """Order of the method."""
+        return 2
+
+    def init(self, terms, t0, t1, y0, args) -> None:
+        """Nothing is carried from step to step."""
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        """One step from `t0` to `t1`."""
+        del solver_state, made_jump
+        p = self.propagator
+        before = terms.vf(t0, y0, args) - p.matrix @ y0
+        first = p.whole @ y0 + p.first @ before
+        after = terms.vf(t1, first, args) - p.matrix @ first
+        y1 = first + p.second @ (after - before)
+        return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
+
+    def func(self, terms, t0, y0, args) -> Array:
+        """The vector field."""
+        return terms.vf(t0, y0, args)

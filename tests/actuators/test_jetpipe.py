@@ -1,0 +1,123 @@
+"""Rig `jet-pipe` against its oracle, the dossier's figures and finite differences."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.jetpipe import jet_pipe, leak, ports
+
+from jaxmuscle.parameters import parameters, replace
+
+CASES = {
+    "bare": {},
+    "command_delay": {"command_delay": {"delay": 0.006}},
+    "chamber_leak": {"chamber_leak": {"area": 2e-8}},
+    "valve_hysteresis": {"valve_hysteresis": {"weight": 0.5, "width": 0.25}},
+    "current_saturation": {"current_saturation": {"inverse_limit": 1 / 0.14}},
+}
+CARRIED = tuple(name for name in CASES if name != "bare")
+COMMAND = bench.jet_pipe_command()
+CARD = bench.CARDS["jet-pipe"]
+
+
+def track(command):
+    return bench.track("jet-pipe", command)
+
+
+@cache
+def reference(name):
+    """The oracle's current and force; it takes the saturation by its limit."""
+    effects = dict(CASES[name])
+    if "current_saturation" in effects:
+        effects["current_saturation"] = {"limit": 1 / effects["current_saturation"]["inverse_limit"]}
+    current, force = jet_pipe(CARD, effects, COMMAND[:300], bench.STEPS["jet-pipe"], substeps=20)
+    assert np.ptp(force) > 50 and (force == CARD["residual_force"]).any()
+    return current, force
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_equals_oracle(name):
+    current, force = reference(name)
+    actuator = bench.model("jet-pipe", CARRIED, **CASES[name])
+    readings = bench.simulated(actuator, track(COMMAND[:300]), 32).readings
+    # The oracle's steps of 0.1 ms against 0.05 ms move its force by 1e-6 of the range, the model by 3e-5.
+    assert bench.deviation(readings["current"], current) < 1e-3
+    assert bench.deviation(readings["force"], force) < 1e-4
+
+
+def test_the_longest_step_is_well_below_the_noise():
+    actuator = bench.model("jet-pipe")
+    fine = bench.simulated(actuator, track(COMMAND), 32).readings["force"]
+    coarse = bench.simulated(actuator, track(COMMAND), 2).readings["force"]
+    assert bench.STEPS["jet-pipe"] / 2 <= actuator.largest_step
+    assert np.sqrt(np.mean((fine - coarse) ** 2)) < 0.1 * 0.15
+
+
+def test_areas_and_leak_are_those_of_the_oracle():
+    actuator = bench.model("jet-pipe")
+    for x in np.linspace(-1.2e-3, 1.2e-3, 25):
+        supply, outlet = ports(x)
+        np.testing.assert_allclose(actuator.receiver.supply_areas(x), supply, atol=1e-13)
+        np.testing.assert_allclose(actuator.receiver.return_areas(x), outlet, atol=1e-13)
+    for pair in ((6e5, 2e5), (2e5, 6e5), (3e5, 3.3e5)):
+        np.testing.assert_allclose(
+            actuator.cylinder.leak(jnp.array(pair), 293.15), leak(*pair, 293.15), rtol=1e-12
+        )
+
+
+def test_full_jet_force_of_the_dossier():
+    # A tip held right over port 1; the dossier gives 102 N at 551.6 kPa.
+    actuator = replace(
+        bench.model("jet-pipe"), {"pipe.receiver_offset": bench.model("jet-pipe").receiver.port_diameter}
+    )
+    force = bench.simulated(actuator, track(np.zeros(400)), 2).readings["force"]
+    assert force[-1] == pytest.approx(102.0, abs=0.5)
+
+
+SCENES = {
+    "at rest": np.zeros(40),
+    "full stroke": np.full(40, 3.9),
+    "reversing": 1.0 + np.sin(np.arange(40) / 3),
+    "slack": np.full(40, -2.0),
+    "small loops": 1.3 + 0.2 * np.cos(np.arange(40) / 2),
+}
+GENERIC = {
+    "command_delay": {"delay": 0.0046},
+    "current_saturation": {"inverse_limit": 1 / 0.15},
+    "valve_hysteresis": {"weight": 0.4, "width": 0.21},
+    "chamber_leak": {"area": 1.5e-8},
+    "force_sensor_lag": {"time_constant": 0.013},
+}
+SCALES = {"offset": 1e-3, "receiver_offset": 1e-4}
+
+
+def test_derivatives_equal_differences_in_every_scene():
+    actuator = bench.model("jet-pipe", **GENERIC)
+    assert set(GENERIC) == {effect.name for effect in bench.offered("jet-pipe")}
+    paths = list(parameters(actuator))
+    values = np.array([float(entry.value) for entry in parameters(actuator).values()])
+    size = np.array([abs(v) or SCALES[p.split(".")[-1]] for p, v in zip(paths, values, strict=True)])
+    scenes = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(track, SCENES.values()))
+
+    def readings(z, scene):
+        changed = replace(actuator, dict(zip(paths, values + z * size, strict=True)))
+        out = bench.simulate(changed, scene, 2).readings
+        return jnp.stack([out["current"] / 0.4, out["force"] / 50.0])
+
+    zero, h = jnp.zeros(len(paths)), 1e-6
+    derivative = jax.jit(jax.vmap(jax.jacfwd(readings), in_axes=(None, 0)))(zero, scenes)
+    both = jax.jit(jax.vmap(jax.vmap(readings, in_axes=(0, None)), in_axes=(None, 0)))
+    up, down = both(h * jnp.eye(len(paths)), scenes), both(-h * jnp.eye(len(paths)), scenes)
+    difference = np.moveaxis(np.asarray(up - down) / (2 * h), 1, -1)
+    assert np.isfinite(derivative).all()
+    scale = np.abs(difference).max(axis=(1, 2))[:, None, None, :]
+    # Small steps: with larger ones a play is caught or let go between the two sides of a difference.
+    excess = np.abs(derivative - difference) - 1e-5 * scale - 1e-7
+    wrong = [
+        f"{list(SCENES)[s]}: {paths[p]} {excess[s, ..., p].max():.1e} of {scale[s, 0, 0, p]:.1e}"
+        for s, p in np.argwhere(excess.max(axis=(1, 2)) > 0)
+    ]
+    assert not wrong, wrong
