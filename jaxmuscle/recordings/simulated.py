@@ -85,17 +85,33 @@ def _commanded(
     muscles = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
     if command.shape != (*clock.shape, *muscles):
         raise ValueError(f"expected a command of shape {(*clock.shape, *muscles)}; got {command.shape}")
-    steps = np.diff(clock)
-    if len(clock) < 2 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
+    return commanded_track(actuator, command, jnp.asarray(sampling_step(clock)), start), jnp.asarray(clock)
+
+
+def sampling_step(times: ArrayLike) -> float:
+    """The step of uniform sampling instants [s]; `ValueError` when they are not at least two and uniform."""
+    steps = np.diff(np.asarray(times, dtype=float))
+    if steps.ndim != 1 or len(steps) < 1 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
         raise ValueError("expected at least two uniform, increasing instants")
+    return float(steps.mean())
+
+
+def commanded_track(
+    actuator: AbstractActuator, command: Array, step: Array, start: Mapping[str, ArrayLike]
+) -> Track:
+    """The track of a command of shape (samples, *muscles) from `start`, else from an empty muscle at rest.
+
+    The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start.
+    """
     ambient = getattr(actuator, "ambient_pressure", 0.0)
     states = {name: jnp.zeros(_shape(actuator, name)) for name in (*actuator.measured, *actuator.derivatives)}
     states = {name: value + ambient if "pressure" in name else value for name, value in states.items()}
     if unknown := set(start) - set(states):
         raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
     states |= {name: jnp.asarray(value, dtype=float) for name, value in start.items()}
-    measured = {name: jnp.broadcast_to(value, (len(clock), *value.shape)) for name, value in states.items()}
-    return Track(jnp.asarray(steps.mean()), command, measured), jnp.asarray(clock)
+    samples = command.shape[0]
+    measured = {name: jnp.broadcast_to(value, (samples, *value.shape)) for name, value in states.items()}
+    return Track(step, command, measured)
 
 
 def _shape(actuator: AbstractActuator, state: str) -> tuple[int, ...]:

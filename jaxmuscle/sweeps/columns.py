@@ -1,0 +1,141 @@
+"""What a sweep is asked for: readings and reductions as variables with dimensions and units."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.recordings.units import column_unit
+from jaxmuscle.sweeps.bench import Bench, Trajectory
+from jaxmuscle.sweeps.job import FAILED, Variable
+from jaxmuscle.sweeps.reductions import BY_NAME
+
+TIME, MUSCLE = "time", "muscle"
+
+Reductions = Sequence[str | Callable[..., Any]] | Mapping[str, Any] | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """A variable of the result: what is computed, its dimensions beyond the points, their lengths, unit."""
+
+    variable: Variable
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    unit: str
+    meaning: str
+
+
+def whole(run: Trajectory, reading: jax.Array) -> jax.Array:
+    """All samples."""
+    return reading
+
+
+def columns_of(bench: Bench, outputs: Sequence[str] | None, reductions: Reductions) -> tuple[Column, ...]:
+    """The columns that a user asks for.
+
+    Args:
+        outputs: readings, all when `None`.
+        reductions: names of the catalogue and functions of a :class:`Trajectory`; or a mapping from
+            names to such functions, to (function, unit) or to names; whole trajectories when `None`.
+
+    Raises:
+        InputError: an unknown reading or reduction, nothing asked for, two columns of one name.
+    """
+    readings = _readings(bench, outputs)
+    if reductions is None:
+        return tuple(_column(bench, name, whole, name, "{reading}", "", (TIME,)) for name in readings)
+    if isinstance(reductions, str) or callable(reductions):
+        reductions = [reductions]
+    named = isinstance(reductions, Mapping)
+    pairs = list(reductions.items()) if named else [(None, entry) for entry in reductions]
+    found = [column for name, entry in pairs for column in _reduced(bench, readings, name, entry)]
+    names = [column.variable.name for column in found]
+    if not found or len({*names, FAILED}) <= len(names):
+        raise InputError(f"reductions: expected at least one, each under a name of its own; got {names}")
+    return tuple(found)
+
+
+def _readings(bench: Bench, outputs: Sequence[str] | None) -> tuple[str, ...]:
+    known = tuple(bench.actuator.outputs)
+    wanted = known if outputs is None else (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"outputs: unknown reading {name!r}{nearest(name, known)}")
+    if not wanted:
+        raise InputError(f"outputs: expected some of {', '.join(known)}; got none")
+    return wanted
+
+
+def _reduced(bench: Bench, readings: Sequence[str], name: str | None, entry: Any) -> list[Column]:
+    entry, unit = entry if isinstance(entry, tuple) else (entry, "")
+    if callable(entry):
+        own = name or getattr(entry, "__name__", "")
+        if not own.isidentifier():
+            raise InputError(f"reductions: give a function under a name, {{'name': …}}; got {entry!r}")
+        return [_column(bench, own, entry, None, unit, own.replace("_", " "), ())]
+    if entry not in BY_NAME:
+        raise InputError(f"reductions: unknown {entry!r}{nearest(str(entry), BY_NAME)}")
+    reduction = BY_NAME[entry]
+    return [
+        _column(
+            bench, f"{r}_{name or entry}", reduction.function, r, reduction.unit,
+            f"{r}: {reduction.meaning[0].lower()}{reduction.meaning[1:]}", (),
+        )
+        for r in readings
+    ]  # fmt: skip
+
+
+def _column(
+    bench: Bench,
+    name: str,
+    function: Callable[..., Any],
+    reading: str | None,
+    unit: str,
+    meaning: str,
+    first: tuple[str, ...],
+) -> Column:
+    variable = Variable(name, function, reading)
+    try:
+        shape = tuple(eqx.filter_eval_shape(variable, _example(bench)).shape)
+    except (KeyError, TypeError, ValueError, jax.errors.JAXTypeError) as error:
+        raise InputError(f"reductions: {name} cannot be computed from a run: {error}") from error
+    if reading is None:
+        dims = tuple(f"{name}.{axis}" for axis in range(len(shape)))
+    else:
+        dims = (*first, _numbering(bench, reading))[: len(shape)]
+    given = bench.actuator.units.get("command", "")
+    units = {"reading": _unit(bench, reading), "command": f"({given})" if " " in given else given}
+    return Column(variable, dims, shape, unit.format(**units), meaning or f"{name} over time")
+
+
+def _numbering(bench: Bench, reading: str) -> str:
+    """Dimension of the entries of a reading: the muscles, or its own where these are others."""
+    machine = bench.actuator
+    return MUSCLE if len(machine.outputs[reading]) == len(machine.commands) else f"{reading}.entry"
+
+
+def _unit(bench: Bench, reading: str | None) -> str:
+    machine = bench.actuator
+    return column_unit(machine.outputs[reading][0], machine.units.get("command")) if reading else ""
+
+
+def _example(bench: Bench) -> Trajectory:
+    """A run of the shapes and types of this bench's, without numbers."""
+    samples, machine = len(bench.times), bench.actuator
+
+    def series(columns: int) -> jax.ShapeDtypeStruct:
+        shape = (samples, columns) if columns > 1 else (samples,)
+        return jax.ShapeDtypeStruct(shape, jnp.result_type(float))
+
+    readings = {name: series(len(columns)) for name, columns in machine.outputs.items()}
+    frequency = getattr(bench.command, "frequency", None)
+    number = None if frequency is None else jax.ShapeDtypeStruct((), jnp.result_type(float))
+    made: Any = Trajectory
+    return made(series(1), series(len(machine.commands)), readings, number)

@@ -1,0 +1,155 @@
+"""What the command line says of a sweep, in the units of the card, as values in SI."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.parameters import get, replace
+from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.units import scale, to_si
+from jaxmuscle.sweeps.bench import Bench
+from jaxmuscle.sweeps.commands import COMMANDS
+from jaxmuscle.sweeps.names import Leaf, leaf_of
+from jaxmuscle.sweeps.setup import PREFIX, bench_of
+
+LOGARITHMIC = "log"
+OVER = "NAME=FROM:TO:N[:log][:UNIT] or NAME=VALUE,VALUE,…[:UNIT]"
+SET = "NAME=VALUE[:UNIT]"
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """How numbers are written: `name` of the unit, `si`, and what is added in SI (gauge pressures)."""
+
+    name: str
+    si: str
+    shift: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """The unit as a picture shows it."""
+        return f"{self.name} gauge" if self.shift else self.name
+
+    def to_si(self, numbers: np.ndarray) -> np.ndarray:
+        """Numbers as written, in SI."""
+        return np.asarray(to_si(numbers, self.name, self.si)) + self.shift
+
+    def from_si(self, values: np.ndarray) -> np.ndarray:
+        """The inverse of :meth:`to_si`."""
+        zero = self.to_si(np.zeros(1))[0]
+        return (np.asarray(values) - zero) / scale(self.name, self.si)
+
+
+@dataclasses.dataclass(frozen=True)
+class Axis:
+    """One ``--over``: name, values in SI, and the unit in which they were written."""
+
+    name: str
+    values: np.ndarray
+    unit: Unit
+
+
+def commanded(card: Card, actuator: AbstractActuator, command: str, settings: Sequence[str]) -> Bench:
+    """The machine of a card under a named command, with the values of ``--set``.
+
+    Raises:
+        InputError: an unknown command, an unknown name or unit, a value that is no number.
+    """
+    if command not in COMMANDS:
+        raise InputError(f"--command: unknown {command!r}{nearest(command, COMMANDS)}")
+    bench = bench_of(actuator, {}, COMMANDS[command](), None, {})
+    for text in settings:
+        name, body = _split(text, "--set", SET)
+        leaf = leaf_of(bench, name)
+        numbers, rest = _numbers(body.split(":")[0], text, SET), body.split(":")[1:]
+        values = _unit(rest, card, name, leaf, text, SET).to_si(numbers)
+        # A command may differ from muscle to muscle.
+        each = name.startswith(PREFIX) and len(values) == len(actuator.commands)
+        shape = np.shape(get(bench, leaf.path)) if len(values) == 1 and not each else values.shape
+        if len(values) > 1 and not each:
+            raise InputError(f"--set {text}: expected {SET}, one value; got {len(values)}")
+        if len(values) == 1:
+            leaf.checked(name, np.broadcast_to(values, (1, *leaf.shape)))
+            shape = leaf.shape
+        bench = replace(bench, {leaf.path: jnp.broadcast_to(values if shape else values[0], shape)})
+    return bench
+
+
+def axis(text: str, card: Card, bench: Bench) -> Axis:
+    """The values of one ``--over``.
+
+    Raises:
+        InputError: another form, an unknown name or unit, a logarithmic axis that is not above zero.
+    """
+    name, body = _split(text, "--over", OVER)
+    leaf = leaf_of(bench, name)
+    parts = body.split(":")
+    if "," in parts[0] or len(parts) < 3:
+        numbers, rest = _numbers(parts[0], text, OVER), parts[1:]
+    else:
+        numbers, rest = _range(parts, text)
+    unit = _unit(rest, card, name, leaf, text, OVER)
+    return Axis(name, unit.to_si(numbers), unit)
+
+
+def _range(parts: Sequence[str], text: str) -> tuple[np.ndarray, Sequence[str]]:
+    first, last = _numbers(f"{parts[0]},{parts[1]}", text, OVER)
+    if not parts[2].isdigit() or int(parts[2]) < 1:
+        raise InputError(f"--over {text}: expected {OVER}; the number of values is {parts[2]!r}")
+    count = int(parts[2])
+    if parts[3:4] != [LOGARITHMIC]:
+        return np.linspace(first, last, count), parts[3:]
+    if min(first, last) <= 0:
+        raise InputError(f"--over {text}: a logarithmic axis has to be above zero")
+    return np.geomspace(first, last, count), parts[4:]
+
+
+def _split(text: str, option: str, form: str) -> tuple[str, str]:
+    name, equals, body = text.partition("=")
+    if not equals or not name or not body:
+        raise InputError(f"{option} {text}: expected {form}")
+    return name.strip(), body.strip()
+
+
+def _numbers(text: str, whole: str, form: str) -> np.ndarray:
+    try:
+        return np.array([float(part) for part in text.split(",")])
+    except ValueError as error:
+        raise InputError(f"{whole}: expected {form}; {error}") from error
+
+
+def _unit(rest: Sequence[str], card: Card, name: str, leaf: Leaf, text: str, form: str) -> Unit:
+    """The unit that is given; else the one in which the card writes the same quantity; else SI."""
+    if len(rest) > 1:
+        raise InputError(f"{text}: expected {form}; do not know what {':'.join(rest[1:])!r} is")
+    written, gauge = _in_card(card, leaf)
+    try:
+        unit = Unit(rest[0] if rest else written, leaf.unit, card.ambient_pressure if gauge else 0.0)
+        unit.to_si(np.zeros(1))
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+    return unit
+
+
+def _in_card(card: Card, leaf: Leaf) -> tuple[str, bool]:
+    """Unit of a leaf in the card and whether it is a gauge pressure there; SI for what it does not hold."""
+    rig = RIGS[card.rig]
+    owner, _, path = leaf.path.partition(".")
+    if owner == "command" and leaf.unit == rig.units.get("command"):
+        column = card.columns[rig.commands[0]]
+        return column.unit, column.reference == "gauge" and not path.endswith("amplitude")
+    for name, quantity in card.quantities.items():
+        if rig.quantities[name] == path:
+            return quantity.unit, quantity.reference == "gauge"
+    kind, _, inner = path.partition(".")
+    effect, _, parameter = inner.partition(".")
+    if kind == "effects" and parameter in card.effects.get(effect, {}):
+        return card.effects[effect][parameter].unit, False
+    return leaf.unit, False
