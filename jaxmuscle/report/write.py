@@ -35,7 +35,7 @@ def write(diagnosis: Diagnosis, folder: str | Path, report: bool = True) -> list
     }
     if report:
         texts["report.html"] = page(diagnosis)
-    return _placed(texts, writable_folder(folder))
+    return placed(texts, writable_folder(folder))
 
 
 def writable_folder(folder: str | Path) -> Path:
@@ -77,7 +77,7 @@ def _card_estimate(estimate: Estimate) -> CardEstimate:
     return estimate.value, estimate.std if 0 < estimate.std < float("inf") else None
 
 
-def _placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
+def placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
     """Write `texts` beside their places, then rename them all."""
     waiting: dict[Path, Path] = {}
     try:

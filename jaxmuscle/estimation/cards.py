@@ -1,0 +1,71 @@
+"""A fit as a card, from which the fitted machine can be built again."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.estimation.data import FitData
+from jaxmuscle.estimation.names import OFFSET
+from jaxmuscle.parameters import get, parameters
+from jaxmuscle.recordings.card import Card, Estimate, actuator_from_card
+
+EFFECTS = "effects."
+
+
+def number_of(result: FitData, recording: str | int) -> int:
+    """The number of a recording by its name or number; `InputError` when there is none."""
+    names = list(result.cards)
+    if isinstance(recording, str):
+        if recording not in names:
+            raise InputError(f"the fit has no recording {recording!r}{nearest(recording, names)}")
+        return names.index(recording)
+    if not -len(names) <= recording < len(names):
+        raise InputError(f"the fit has {len(names)} recordings; got number {recording}")
+    return recording % len(names)
+
+
+def fitted_card(result: FitData, recording: str | int) -> Card:
+    """The card of a recording with fitted values; a machine built from it equals the fitted one.
+
+    Quantities that were not fitted, but differ from the card, become known ones of the machine's value. A
+    card has no place for the offset of a sensor: it is told in the description.
+    """
+    number = number_of(result, recording)
+    label, card = list(result.cards.items())[number]
+    actuator, declared = result.actuators[number], parameters(actuator_from_card(card))
+    values: dict[str, Estimate] = {}
+    effects: dict[str, dict[str, Estimate]] = {}
+    for name, path in actuator.quantities.items():
+        if float(get(actuator, path)) != declared[path].value:
+            values[name] = (float(get(actuator, path)), None)
+    for path, entry in parameters(actuator).items():
+        if path.startswith(EFFECTS) and (path not in declared or declared[path].value != entry.value):
+            _, effect, parameter = path.split(".", 2)
+            effects.setdefault(effect, {})[parameter] = (float(entry.value), None)
+    told = []
+    for name, fitted in result.parameters.items():
+        if fitted.recording not in (None, label):
+            continue
+        estimate = (fitted.value, fitted.std if 0 < fitted.std < math.inf else None)
+        if fitted.path.startswith(OFFSET):
+            told.append(f"{name} = {fitted.value:g} {fitted.unit}")
+        elif fitted.path.startswith(EFFECTS):
+            _, effect, parameter = fitted.path.split(".", 2)
+            effects.setdefault(effect, {})[parameter] = estimate
+        else:
+            values[_card_name(actuator, fitted.path)] = estimate
+    updated = card.updated(values, effects)
+    if told:
+        text = f"{card.description} Fitted sensor offsets, not part of this card: {', '.join(told)}."
+        updated = dataclasses.replace(updated, description=text.strip())
+    return updated
+
+
+def _card_name(actuator: AbstractActuator, path: str) -> str:
+    for name, place in actuator.quantities.items():
+        if place == path:
+            return name
+    raise InputError(f"cards of rig {actuator.rig!r} have no name for {path!r}; use fit.actuator instead")

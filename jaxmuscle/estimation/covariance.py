@@ -1,0 +1,140 @@
+"""How sure the fitted values are: three covariances, and the largest of their standard deviations."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import NDArray
+
+from jaxmuscle.estimation.correlation import coloured_meat, memory
+from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.series import Series
+from jaxmuscle.estimation.unknowns import Unknowns
+
+Matrix = Float[NDArray, "k k"]
+
+SINGULAR = 1e-11
+"""Eigenvalue of the scaled information matrix, relative to the largest, below which nothing is known."""
+OUTSIDE = 1e-6
+"""Share of a parameter in what is not known, squared, from which it has no standard deviation."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Covariance:
+    """Standard deviations of the coordinates u by three rules, and the correlation between them.
+
+    Attributes:
+        independent: as if the residuals were white, of the size that they have.
+        coloured: allowing for their autocorrelation too.
+        windows: allowing for any correlation within a window of prediction; zeros with fewer than two.
+        std: the largest of the three; infinite where the data and the priors leave a parameter open.
+        assumed: (JᵀJ)⁻¹ as if the noise were white and what it was said to be: how the cost curves.
+        correlations: those of `coloured`.
+        times: recording, column → autocorrelation time of the residuals [samples].
+    """
+
+    independent: Float[NDArray, " k"]
+    coloured: Float[NDArray, " k"]
+    windows: Float[NDArray, " k"]
+    std: Float[NDArray, " k"]
+    assumed: Float[NDArray, " k"]
+    correlations: Matrix
+    times: dict[tuple[int, str], float]
+
+
+def covariance(
+    lines: Sequence[Series], unknowns: Unknowns, loss: Loss, fixed: Bool[NDArray[np.bool_], " k"]
+) -> Covariance:
+    r"""Covariance of the coordinates at the minimum, :math:`A^{-1} B A^{-1}` (Huber 1967).
+
+    A is the Gauss-Newton matrix Σ E[ψ'] J Jᵀ with the priors' 1/std²; B is the covariance of the score
+    Σ J ψ by the rule at hand, to which a prior adds its own 1/std², being a measurement like any other.
+
+    Args:
+        fixed: coordinates at a bound; they count as known there and get no standard deviation.
+    """
+    size = len(unknowns)
+    prior = np.diag(unknowns.prior_slopes**2)
+    bread, white, meat, clusters = prior.copy(), prior.copy(), prior.copy(), []
+    times = {}
+    for line in lines:
+        psi = loss.weight(line.residual) * line.residual
+        curving = float(loss.slope(line.residual)[line.counts].mean()) if line.counts.any() else 1.0
+        products = line.slopes @ line.slopes.T
+        bread += max(curving, 0.05) * products
+        white += float((psi**2).sum()) / max(int(line.counts.sum()), 1) * products
+        meat += coloured_meat(line.slopes, psi, line.counts)
+        times[line.recording, line.column] = memory(psi, line.counts).time
+        clusters.append(((line.recording, line.window), line.slopes * psi))
+    space = _Space(bread, fixed)
+    grouped = _by_window(clusters, size)
+    groups = len(grouped)
+    independent, coloured = space.sandwich(white), space.sandwich(meat)
+    windows = np.zeros((size, size))
+    if groups > 1:
+        # Few windows seem to agree better than they do, as all parameters were fitted to them.
+        few = groups / max(groups - int((~fixed).sum()), 1)
+        windows = space.sandwich(prior + few * grouped.T @ grouped)
+    stds = [_roots(matrix) for matrix in (independent, coloured, windows)]
+    found = [np.where(space.open, np.inf, std) for std in stds]
+    safe = np.where(stds[1] > 0, stds[1], 1.0)
+    correlations = coloured / np.outer(safe, safe)
+    # Where the data leave a direction open, what lies in it goes together, and with nothing else.
+    loose = space.open[:, None] | space.open[None, :]
+    correlations = np.where(loose, space.null_correlations(), correlations)
+    return Covariance(
+        independent=found[0],
+        coloured=found[1],
+        windows=found[2],
+        std=np.maximum.reduce(found),
+        assumed=_roots(space.inverse),
+        correlations=correlations,
+        times=times,
+    )
+
+
+class _Space:
+    """What the information matrix determines: its inverse there, and which parameters lie outside."""
+
+    def __init__(self, matrix: Matrix, fixed: Bool[NDArray[np.bool_], " k"]) -> None:
+        """Split the space of the rows that are not fixed."""
+        free = np.flatnonzero(~fixed)
+        size = len(matrix)
+        self.inverse, self.null = np.zeros((size, size)), np.zeros((size, size))
+        if len(free):
+            inner = matrix[np.ix_(free, free)]
+            scale = np.where(np.diag(inner) > 0, np.sqrt(np.diag(inner)), 1.0)
+            values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
+            known = values > SINGULAR * max(float(values.max()), 1e-300)
+            kept, lost = vectors[:, known], vectors[:, ~known] / scale[:, None]
+            self.inverse[np.ix_(free, free)] = (kept / values[known]) @ kept.T / np.outer(scale, scale)
+            lost = np.linalg.qr(lost)[0]
+            self.null[np.ix_(free, free)] = lost @ lost.T
+        self.open: NDArray[np.bool_] = np.diag(self.null) > OUTSIDE
+
+    def sandwich(self, meat: Matrix) -> Matrix:
+        """A⁺ B A⁺."""
+        return self.inverse @ meat @ self.inverse
+
+    def null_correlations(self) -> Matrix:
+        """Correlations of an infinite variance along the open directions."""
+        size = np.sqrt(np.where(self.open, np.diag(self.null), 1.0))
+        both = self.open[:, None] & self.open[None, :]
+        return np.where(both, self.null / np.outer(size, size), 0.0)
+
+
+def _by_window(clusters: list, size: int) -> Float[NDArray, "groups k"]:
+    """Score of every window: all columns of a recording's window together."""
+    totals: dict[tuple[int, int], NDArray] = {}
+    for (recording, window), score in clusters:
+        for number in np.unique(window[window >= 0]):
+            key = (recording, int(number))
+            totals[key] = totals.get(key, np.zeros(size)) + score[:, window == number].sum(axis=1)
+    return np.array(list(totals.values())).reshape(-1, size)
+
+
+def _roots(matrix: Matrix) -> Float[NDArray, " k"]:
+    return np.sqrt(np.maximum(np.diag(matrix), 0.0))

@@ -1,0 +1,79 @@
+"""What a fit says of one parameter, one start, one sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from jaxmuscle.estimation.profile import QUANTILE
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """One fitted value. SI.
+
+    Attributes:
+        std: the largest of `independent`, `coloured` and `windows`, see
+            :func:`jaxmuscle.estimation.covariance.covariance`; 0 at a bound.
+        prior: mean and standard deviation of what was known beforehand.
+        at_bound: "lower" or "upper" when the value ended there.
+        recording: name of the recording whose own it is, `None` for one of all recordings.
+    """
+
+    value: float
+    std: float
+    unit: str
+    meaning: str
+    path: str
+    positive: bool
+    start: float
+    lower: float
+    upper: float
+    independent: float
+    coloured: float
+    windows: float
+    prior: tuple[float, float] | None = None
+    at_bound: str | None = None
+    recording: str | None = None
+
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval; of a positive parameter on the logarithm, and within the bounds."""
+        reach = QUANTILE * self.std
+        if self.positive and math.isfinite(reach):
+            # A factor beyond e^700 is as good as infinite, and no number.
+            factor = math.exp(min(reach / self.value, 700.0))
+            low, high = self.value / factor, self.value * factor
+        else:
+            low, high = self.value - reach, self.value + reach
+        return max(low, self.lower), min(high, self.upper)
+
+
+@dataclasses.dataclass(frozen=True)
+class StartOutcome:
+    """One start: its values, where it ended, its cost there, and how; `reason` why it failed."""
+
+    start: dict[str, float]
+    end: dict[str, float]
+    cost: float
+    code: str
+    reason: str
+    steps: int
+    reached: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Noise of one column (SI).
+
+    Attributes:
+        assumed: of the sensor.
+        residual: root mean square residual.
+        ratio: root mean square of the residuals over what was expected of each: the sensor's noise, and
+            what the smoothed states that predictions begin from leave uncertain.
+    """
+
+    assumed: float
+    residual: float
+    ratio: float
+    autocorrelation_time: float
+    unit: str

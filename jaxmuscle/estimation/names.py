@@ -1,0 +1,96 @@
+"""The names by which a fit's parameters are called: card quantities, dotted paths, offsets of sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.parameters import Parameter, parameters
+from jaxmuscle.recordings.units import column_unit
+
+OFFSET = "offset."
+"""Prefix of the constant that a sensor adds to its column: ``offset.position``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """One number that a fit can move: a leaf of the machine, or the offset of a sensor.
+
+    Attributes:
+        name: what results call it: the card's name of a quantity, else its path.
+        path: where it is in the machine; ``offset.COLUMN`` for the offset of a column.
+        value: its value in the machine (SI); 0 for an offset.
+        typical: natural size (SI) of one whose value is zero, when it is known.
+    """
+
+    name: str
+    path: str
+    value: float
+    unit: str
+    meaning: str
+    positive: bool = False
+    nonnegative: bool = False
+    typical: float | None = None
+
+    @property
+    def column(self) -> str | None:
+        """The column whose sensor's offset this is; `None` for a parameter of the machine."""
+        return self.path.removeprefix(OFFSET) if self.path.startswith(OFFSET) else None
+
+
+def places(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str, Place]:
+    """Everything that can be fitted, by every name that it goes by.
+
+    A quantity of the card goes by its name there and by its path, a parameter of an effect by its path
+    with or without the leading ``effects.``, a sensor's offset by ``offset.COLUMN``.
+
+    Args:
+        ranges: measured column → range of its samples (SI), the natural size of its offset is 1 % of it.
+    """
+    by_path = {path: name for name, path in actuator.quantities.items()}
+    found: dict[str, Place] = {}
+    for path, entry in parameters(actuator).items():
+        place = _place(entry, by_path.get(path, path))
+        found[path] = found[place.name] = place
+        if path.startswith("effects."):
+            found.setdefault(path.removeprefix("effects."), place)
+    for column in columns(actuator):
+        name, unit = OFFSET + column, column_unit(column, actuator.units.get("command"))
+        size = 0.01 * ranges.get(column, 0.0) or None
+        meaning = f"what the sensor of {column} shows too much"
+        found[name] = Place(name, name, 0.0, unit, meaning, typical=size)
+    return found
+
+
+def columns(actuator: AbstractActuator) -> tuple[str, ...]:
+    """Every column that a sensor measures, commands apart."""
+    groups = (*actuator.measured.values(), *actuator.outputs.values())
+    names = dict.fromkeys(name for group in groups for name in group)
+    return tuple(name for name in names if name not in actuator.commands)
+
+
+def resolve(known: Mapping[str, Place], name: str, where: str) -> Place:
+    """The place that `name` stands for.
+
+    Args:
+        known: as :func:`places` gives it.
+        where: the argument that the name came in, for the message.
+
+    Raises:
+        InputError: there is no such parameter; the message has the nearest name.
+    """
+    if name in known:
+        return known[name]
+    raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, known)}")
+
+
+def _place(entry: Parameter, name: str) -> Place:
+    scalar = jnp.ndim(entry.value) == 0
+    value = float(entry.value) if scalar else float("nan")
+    return Place(
+        name, entry.path, value, entry.unit, entry.meaning, entry.positive, entry.nonnegative, entry.typical
+    )

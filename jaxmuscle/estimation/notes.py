@@ -1,0 +1,68 @@
+"""What has to be said of a fit beside its numbers."""
+
+from __future__ import annotations
+
+from jaxmuscle.estimation.data import FitData
+
+ENDS = {
+    "converged": "The fit converged",
+    "stalled": "The fit stalled: no step lowers the cost any more, which is too rugged there",
+    "steps": "The fit ran out of steps; this is the best so far",
+    "budget": "The fit ran out of time; this is the best so far",
+}
+MUCH = 2.0
+"""Ratio of residual to noise from which the model is said to lack something."""
+CORRELATED = 0.98
+
+
+def notes(result: FitData) -> list[str]:
+    """How it ended, starts that failed, what is not determined, what speaks against the model."""
+    ran = sum(start.code != "failed" for start in result.starts)
+    same = sum(start.reached for start in result.starts)
+    found = [f"{ENDS[result.code]} ({result.iterations} iterations)."]
+    if len(result.starts) > 1:
+        found.append(f"{same} of {len(result.starts)} starts reached the best minimum.")
+    if ran < len(result.starts):
+        reasons = "; ".join(f"{count} × {reason}" for reason, count in result.failed.items())
+        found.append(f"{len(result.starts) - ran} starts failed and were set aside: {reasons}.")
+    found += [f"{name} has no influence on the data; it stayed where it was." for name in result.idle]
+    found += [
+        f"{name} ended at its {fitted.at_bound} bound."
+        for name, fitted in result.parameters.items()
+        if fitted.at_bound
+    ]
+    found += [f"{each.words[0].upper()}{each.words[1:]}." for each in result.undetermined]
+    found += _correlated(result) + _misfit(result)
+    return found
+
+
+def _correlated(result: FitData) -> list[str]:
+    table, names = result.correlations, list(result.correlations.index)
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    told = {name for each in result.undetermined for name in each.exponents}
+    return [
+        f"{a} and {b} are hardly told apart (correlation {float(table.at[a, b]):.3f})."
+        for a, b in pairs
+        if abs(float(table.at[a, b])) > CORRELATED and not {a, b} <= told
+    ]
+
+
+def _misfit(result: FitData) -> list[str]:
+    found = []
+    for recording, columns in result.noise.items():
+        for column, noise in columns.items():
+            if noise.ratio > MUCH:
+                found.append(
+                    f"The residual of {column} in {recording} is {noise.ratio:.1f} times what its sensor's "
+                    f"noise accounts for: the model lacks something (jaxmuscle diagnose). Until it has it, "
+                    f"noise='estimated' (--estimate-noise) gives priors their due weight."
+                )
+    coloured = [t for t in result.tests if t.against == "itself" and not t.passed]
+    if coloured:
+        where = ", ".join(f"{t.column} in {t.recording}" for t in coloured)
+        found.append(f"Residuals are not white ({where}); the standard deviations allow for it.")
+    related = [t for t in result.tests if t.against != "itself" and not t.passed]
+    if related:
+        where = ", ".join(f"{t.column} on {t.against} in {t.recording}" for t in related)
+        found.append(f"Residuals depend on the input ({where}): the model lacks something there.")
+    return found

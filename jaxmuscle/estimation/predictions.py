@@ -1,0 +1,98 @@
+"""What the fitted machines predict, beside what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation.covariance import Covariance
+from jaxmuscle.estimation.fitted import Noise
+from jaxmuscle.estimation.names import OFFSET
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.series import Series
+from jaxmuscle.estimation.slopes import moved
+from jaxmuscle.fitting.problem import chain_predictions
+from jaxmuscle.recordings.smooth import noise_level
+from jaxmuscle.recordings.units import column_unit
+
+_chain = eqx.filter_jit(chain_predictions)
+
+
+def predictions(
+    objective: Objective,
+    u: NDArray[np.float64],
+    machines: Sequence[AbstractActuator],
+    lines: Sequence[Series],
+) -> dict[str, pd.DataFrame]:
+    """Recording → table over time of every output's column: measured, fitted, predicted.
+
+    ``fitted`` comes from the links, each with its measured inputs; ``predicted`` from the command alone,
+    window by window. Both as the sensor shows it, offset included.
+    """
+    found = {}
+    for number, station in enumerate(objective.stations):
+        recording = station.recording
+        values, index = objective.unknowns.values(u), objective.unknowns.acting_on(number)
+        offsets = {
+            objective.unknowns.entries[i].place.path: float(values[i])
+            for i in index
+            if objective.unknowns.entries[i].place.path.startswith(OFFSET)
+        }
+        shifts = [jnp.asarray(x) for x in offsets.values()]
+        _, problem = moved(machines[number], station.problem, list(offsets), shifts)
+        chain = _chain(machines[number], problem)
+        at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
+        table: dict[str, NDArray[np.float64]] = {}
+        for line in (line for line in lines if line.recording == number):
+            names = station.actuator.outputs[line.output]
+            position, offset = names.index(line.column), offsets.get(OFFSET + line.column, 0.0)
+            weights = _column(station.problem.weights[line.output], position, len(names))
+            flat = _column(chain[line.output], position, len(names))
+            predicted, fitted = (np.full(len(recording), np.nan) for _ in range(2))
+            inside = weights > 0
+            predicted[at[inside]] = flat[inside] + offset
+            scale = np.full(len(recording), np.nan)
+            scale[at[inside]] = weights[inside]
+            measured = recording.columns[line.column]
+            fitted[line.counts] = measured[line.counts] + line.residual[line.counts] / scale[line.counts]
+            table |= {line.column: measured}
+            table |= {f"{line.column} fitted": fitted, f"{line.column} predicted": predicted}
+        found[station.label] = pd.DataFrame(table, index=pd.Index(recording.time, name="time"))
+    return found
+
+
+def noise_table(
+    objective: Objective, lines: Sequence[Series], sure: Covariance
+) -> dict[str, dict[str, Noise]]:
+    """Recording → column → the sensor's noise as assumed, and the residual's root mean square (SI)."""
+    found: dict[str, dict[str, Noise]] = {}
+    for line in lines:
+        station = objective.stations[line.recording]
+        names = station.actuator.outputs[line.output]
+        weights = _column(station.problem.weights[line.output], names.index(line.column), len(names))
+        at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
+        scale = np.ones(len(station.recording))
+        scale[at[weights > 0]] = weights[weights > 0]
+        in_si = (line.residual / scale)[line.counts]
+        # The weights allow for uncertain states; where these matter least they are the sensor's.
+        largest = float(weights.max())
+        found.setdefault(station.label, {})[line.column] = Noise(
+            assumed=1 / largest if largest > 0 else noise_level(station.filled.columns[line.column]),
+            residual=float(np.sqrt(np.mean(in_si**2))) if len(in_si) else float("nan"),
+            ratio=float(np.sqrt(np.mean(line.residual[line.counts] ** 2))) if len(in_si) else float("nan"),
+            autocorrelation_time=sure.times[line.recording, line.column],
+            unit=column_unit(line.column, station.actuator.units.get("command")),
+        )
+    return found
+
+
+def _column(values: object, position: int, columns: int) -> NDArray[np.float64]:
+    """One column of an array of windows and samples."""
+    array = np.asarray(values)
+    return array.reshape(*array.shape[:2], columns)[..., position]

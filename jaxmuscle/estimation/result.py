@@ -1,0 +1,53 @@
+"""The outcome of a fit, and what can be done with it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+import jaxmuscle
+from jaxmuscle.estimation.cards import fitted_card
+from jaxmuscle.estimation.data import FitData
+from jaxmuscle.estimation.figures import plot
+from jaxmuscle.estimation.notes import notes
+from jaxmuscle.estimation.saved import load, save
+from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.recording import Recording
+
+
+@dataclasses.dataclass(frozen=True)
+class FitResult(FitData):
+    """The outcome of :func:`jaxmuscle.fit`; its numbers are those of :class:`FitData`."""
+
+    def notes(self) -> list[str]:
+        """What a reader has to know, one sentence each: how it ended, what is not determined, doubts."""
+        return notes(self)
+
+    def to_card(self, recording: str | int = 0) -> Card:
+        """The card of a recording with the fitted values and their standard deviations."""
+        return fitted_card(self, recording)
+
+    def plot(self, recording: str | int = 0) -> Figure:
+        """A matplotlib figure: fit, residuals, their autocorrelation, and the profiles if there are any."""
+        return plot(self, recording)
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything as JSON; :func:`FitResult.load` reads it back without loss."""
+        return save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> FitResult:
+        """A result as it was saved.
+
+        Raises:
+            InputError: no such file, or not a saved fit.
+        """
+        return load(path, cls)
+
+    def refit(self, recordings: Recording | Sequence[Recording], **changes: Any) -> FitResult:
+        """Fit again from the fitted values, with the same settings except for `changes`."""
+        return jaxmuscle.fit(self.actuator, recordings, **{**self.settings, **changes})

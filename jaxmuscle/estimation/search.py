@@ -1,0 +1,169 @@
+"""From the starts to the best minimum: quarters of windows, whole windows, weights."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.descent import descend
+from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits, best
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.spread import weighted
+from jaxmuscle.estimation.stations import in_parts
+
+PARTS = 4
+"""Parts of a window on which starts are brought down first."""
+MOST_LANES = 8
+"""Starts under way at a time."""
+MOST_NUMBERS = 4e7
+"""Derivatives held at a time, which bounds the number of lanes."""
+FIRST_SHARE = 0.4
+"""Part of the budget after which the search on quarters has to end."""
+SAME = 1e-3
+"""Distance of two points in every coordinate up to which they are one."""
+ROUNDS = 2
+"""Times that the noise is estimated anew."""
+
+Tell = Callable[[str, Course], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """What to search: an objective, starts, limits; `estimate`: take the noise from the residuals."""
+
+    objective: Objective
+    points: Float[NDArray, "starts k"]
+    steps: int
+    deadline: float
+    estimate: bool
+    tell: Tell
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Where a search ended: the objective with its final weights, the best lane, all lanes, iterations."""
+
+    objective: Objective
+    best: Lane
+    lanes: tuple[Lane, ...]
+    points: Float[NDArray, "starts k"]
+    limits: Limits
+    iterations: int
+
+
+def search(task: Search) -> Found:
+    """Bring all starts down.
+
+    Raises:
+        InputError: all starts failed; the reasons are counted.
+    """
+    objective, counted = task.objective, _Counter(task.tell)
+    limits = _limits(task)
+    begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
+    parts = dataclasses.replace(objective, stations=in_parts(begun.stations, PARTS))
+    now = time.monotonic()
+    first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
+    lanes = descend(parts.at, task.points, first, tell=counted.on("parts of windows"))
+    objective = weighted(objective, _winner(lanes).u)
+    points, failed = _ends(lanes)
+    lanes = _descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
+    winner = _winner(lanes)
+    for _ in range(ROUNDS if task.estimate else 0):
+        objective = with_estimated_noise(objective, winner.u, limits.lanes)
+        points, failed = _ends(lanes)
+        if time.monotonic() > task.deadline:
+            winner.code = BUDGET
+            break
+        lanes = _descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
+        winner = _winner(lanes)
+    return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _ends(lanes: Sequence[Lane]) -> tuple[Float[NDArray, "starts k"], dict[int, Lane]]:
+    """Where lanes are, and those that failed, by number."""
+    return np.stack([lane.u for lane in lanes]), {i: e for i, e in enumerate(lanes) if e.code == FAILED}
+
+
+class _Counter:
+    """Counts iterations over all stages."""
+
+    def __init__(self, tell: Tell) -> None:
+        self.tell, self.total = tell, 0
+
+    def on(self, stage: str) -> Callable[[Course], None]:
+        def count(course: Course) -> None:
+            self.total += 1
+            self.tell(stage, course)
+
+        return count
+
+
+def _limits(task: Search) -> Limits:
+    objective = task.objective
+    numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
+    lanes = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, min(len(task.points), MOST_LANES)))
+    lower, upper = objective.unknowns.lower, objective.unknowns.upper
+    return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples)
+
+
+def _descend_distinct(
+    objective: Objective,
+    points: Float[NDArray, "starts k"],
+    failed: dict[int, Lane],
+    limits: Limits,
+    tell: Callable[[Course], None],
+) -> list[Lane]:
+    """Descend from points that differ; those at one place share the outcome, failed ones stay as they are."""
+    groups: list[list[int]] = []
+    for i, point in enumerate(points):
+        if i in failed:
+            continue
+        twin = next((g for g in groups if np.allclose(points[g[0]], point, rtol=0, atol=SAME)), None)
+        groups.append([i]) if twin is None else twin.append(i)
+    ends = descend(objective.at, np.stack([points[g[0]] for g in groups]), limits, tell=tell)
+    lanes = dict(failed)
+    for group, end in zip(groups, ends, strict=True):
+        lanes |= dict.fromkeys(group, end)
+    return [lanes[i] for i in range(len(points))]
+
+
+def _winner(lanes: Sequence[Lane]) -> Lane:
+    winner = best(lanes)
+    if winner is not None:
+        return winner
+    reasons = [lane.reason for lane in lanes]
+    counted = "; ".join(f"{reasons.count(r)} × {r}" for r in dict.fromkeys(reasons))
+    many = f"all {len(lanes)} starts failed" if len(lanes) > 1 else "the only start failed"
+    raise InputError(
+        f"{many}: {counted}. Check the values and units on the card, narrow the priors, or set bounds"
+    )
+
+
+def with_estimated_noise(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objective:
+    """With the noise of each column as the size of its residuals at u, over all recordings.
+
+    The root of the mean weighted square, residuals weighted as the loss does, which for squares is the
+    maximum-likelihood estimate.
+    """
+    sums: dict[str, NDArray] = {}
+    counts: dict[str, NDArray] = {}
+    for number, station in enumerate(objective.stations):
+        r, begin = objective.residuals(number, np.stack([u] * lanes))[0][0], 0
+        for link in station.actuator.links:
+            w = np.asarray(station.problem.weights[link.output])
+            part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)
+            begin += w.size
+            inside = (w > 0).reshape(part.shape)
+            squares = (objective.loss.weight(part) * part**2 * inside).sum(axis=(0, 1))
+            mass = (objective.loss.weight(part) * inside).sum(axis=(0, 1))
+            sums[link.output] = sums.get(link.output, 0.0) + squares
+            counts[link.output] = counts.get(link.output, 0.0) + mass
+    factors = {out: 1 / np.sqrt(np.maximum(sums[out] / counts[out], 1e-12)) for out in sums}
+    stations = [station.reweighted(factors) for station in objective.stations]
+    return dataclasses.replace(objective, stations=stations)

@@ -1,0 +1,69 @@
+"""Weights that allow for what the smoothed measured states leave uncertain."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.slopes import moved
+from jaxmuscle.estimation.stations import Station
+from jaxmuscle.fitting.problem import Problem, Residuals, evaluate, expected_spread
+
+SPREAD = 2.0
+"""Standard deviations by which rates are shifted where windows begin with them."""
+
+
+def weighted(objective: Objective, u: NDArray[np.float64]) -> Objective:
+    """`objective` with weights that allow for uncertain states at the coordinates u."""
+    numbers = range(len(objective.stations))
+    return dataclasses.replace(objective, stations=[_weighted(objective, i, u) for i in numbers])
+
+
+def variance(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
+    """Variance that uncertain rates of the measured states put on the predictions of the links.
+
+    Where a window begins with them, as in a diagnosis (`fitting.problem.expected_spread`): each rate shifted
+    by ± two standard deviations and by ± one sample. Where a bench imposes them, that would hide what the
+    data say of fast motion: a rate is shifted by ± its standard deviation, and by a sample only where the
+    motion turns, since dry friction turns there with it. Half the difference of the predictions, squared.
+    """
+    if not set(actuator.derivatives) <= set(actuator.imposed):
+        return expected_spread(actuator, problem, {n: SPREAD * values for n, values in spread.items()})
+
+    def predicted(name: str, values: Array) -> Residuals:
+        track = eqx.tree_at(lambda t: t.measured, problem.track, {**problem.track.measured, name: values})
+        return evaluate(actuator, eqx.tree_at(lambda p: p.track, problem, track))  # pyright: ignore
+
+    total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
+    for name in actuator.derivatives:
+        values = problem.track.measured[name]
+        late, early = jnp.concatenate([values[:1], values[:-1]]), jnp.concatenate([values[1:], values[-1:]])
+        turning = late * early <= 0
+        late, early = jnp.where(turning, late, values), jnp.where(turning, early, values)
+        for one, other in ((values + spread[name], values - spread[name]), (late, early)):
+            up, down = predicted(name, one), predicted(name, other)
+            total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
+    return {
+        out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
+        for out, w in problem.weights.items()
+    }
+
+
+def _weighted(objective: Objective, number: int, u: NDArray[np.float64]) -> Station:
+    station, index = objective.stations[number], objective.unknowns.acting_on(number)
+    paths = [objective.unknowns.entries[i].place.path for i in index]
+    values = [jnp.asarray(x) for x in objective.unknowns.values(u)[index]]
+    machine, problem = moved(station.actuator, station.problem, paths, values)
+    added = variance(machine, problem, station.spread)
+    weights = {
+        out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + added[out]), 0.0)
+        for out, w in problem.weights.items()
+    }
+    return dataclasses.replace(station, problem=station.problem.with_weights(weights))

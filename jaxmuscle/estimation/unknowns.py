@@ -1,0 +1,95 @@
+"""The vector that a fit moves: what each entry is, its coordinate, bounds and prior."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jaxmuscle.estimation.names import Place
+from jaxmuscle.fitting.free import Prior
+
+Vector = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """One entry of the vector.
+
+    Attributes:
+        name: the place's name; ``mass[lift-2]`` for one of a single recording.
+        recordings: numbers of the recordings on which it acts.
+        start, lower, upper: where a fit begins and what it must stay within (SI).
+        scale: how far a fit may well move it (SI); the prior's standard deviation if there is one.
+    """
+
+    name: str
+    place: Place
+    recordings: tuple[int, ...]
+    start: float
+    lower: float
+    upper: float
+    scale: float
+    prior: Prior | None = None
+
+
+class Unknowns:
+    r"""All entries and their coordinates u.
+
+    A parameter that is positive has u = ln θ, any other u = θ / scale. Bounds are kept by the descent, not
+    by a transform: at a bound the slope is what it is, and a value may end exactly there. The prior counts
+    as one more residual, (θ - mean)/std, of a positive one mean·ln(θ/mean)/std, as in `fitting.free`.
+    """
+
+    def __init__(self, entries: Sequence[Unknown]) -> None:
+        """Lay out `entries` in the given order."""
+        self.entries = tuple(entries)
+        of = lambda values: np.array(values, dtype=float)  # noqa: E731
+        self.logarithmic = np.array([e.place.positive for e in entries], dtype=bool)
+        self.scale = of([e.scale for e in entries])
+        self.start = of([e.start for e in entries])
+        self.lower = self.coordinates(of([e.lower for e in entries]))
+        self.upper = self.coordinates(of([e.upper for e in entries]))
+        self._mean = of([e.start if e.prior is None else e.prior.mean for e in entries])
+        self._std = of([np.inf if e.prior is None else e.prior.std for e in entries])
+
+    def __len__(self) -> int:
+        """Number of entries."""
+        return len(self.entries)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(entry.name for entry in self.entries)
+
+    def values(self, u: Vector) -> Vector:
+        """Values θ (SI) at coordinates u; leading axes are kept."""
+        safe = np.where(self.logarithmic, u, 0.0)
+        return np.where(self.logarithmic, np.exp(np.clip(safe, -700.0, 700.0)), u * self.scale)
+
+    def coordinates(self, values: Vector) -> Vector:
+        """The inverse of :meth:`values`; zero of a positive parameter is at minus infinity."""
+        with np.errstate(divide="ignore"):
+            safe = np.where(self.logarithmic, np.maximum(values, 0.0), 1.0)
+            return np.where(self.logarithmic, np.log(safe), values / self.scale)
+
+    def slopes(self, u: Vector) -> Vector:
+        """dθ/du."""
+        return np.where(self.logarithmic, self.values(u), self.scale)
+
+    def prior_residuals(self, u: Vector) -> Vector:
+        """Distances from the priors in standard deviations; zero without one."""
+        mean = np.where(self.logarithmic, self._mean, 1.0)
+        shifted = np.where(self.logarithmic, mean * (u - np.log(mean)), u * self.scale - self._mean)
+        return shifted / self._std
+
+    @property
+    def prior_slopes(self) -> Vector:
+        """Derivatives of :meth:`prior_residuals`, each by its own coordinate: constants."""
+        return np.where(self.logarithmic, self._mean, self.scale) / self._std
+
+    def acting_on(self, recording: int) -> NDArray[np.int64]:
+        """Positions of the entries that act on a recording, in their order."""
+        return np.array([i for i, e in enumerate(self.entries) if recording in e.recordings], dtype=np.int64)

@@ -1,0 +1,187 @@
+"""What the data do not determine, in words; losses; whiteness; coordinates and starts."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from jaxmuscle.estimation.identifiability import in_words, undetermined, without_influence
+from jaxmuscle.estimation.losses import LOSSES, Huber, Student, loss_named
+from jaxmuscle.estimation.names import Place
+from jaxmuscle.estimation.series import Series
+from jaxmuscle.estimation.starts import spread_starts
+from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.estimation.whiteness import independence, whiteness
+from jaxmuscle.fitting.free import Prior
+
+RNG = np.random.default_rng(0)
+BASIS = RNG.normal(size=(3, 500))
+
+
+def words(slopes, names, prior=None, logarithmic=None):
+    """Sentences for sensitivities, one row a parameter."""
+    slopes = np.array(slopes)
+    prior = np.zeros(len(slopes)) if prior is None else np.array(prior)
+    log = np.ones(len(slopes), bool) if logarithmic is None else np.array(logarithmic)
+    return [each.words for each in undetermined(slopes @ slopes.T, prior, names, log)]
+
+
+def test_everything_is_determined():
+    assert words(BASIS, ["a", "b", "c"]) == []
+    assert undetermined(np.zeros((0, 0)), np.zeros(0), [], np.zeros(0, bool)) == ()
+
+
+def test_a_ratio():
+    found = words([BASIS[0], -BASIS[0], BASIS[1]], ["valve_area", "dead_volume", "mass"])
+    assert found == ["only valve_area / dead_volume is determined, not valve_area and dead_volume one by one"]
+
+
+def test_a_product_and_a_power():
+    assert words([BASIS[0], BASIS[0]], ["a", "b"]) == ["only a · b is determined, not a and b one by one"]
+    assert words([BASIS[0], 2 * BASIS[0]], ["a", "b"])[0].startswith("only a · b^2 is determined")
+    assert words([1.5 * BASIS[0], -BASIS[0]], ["a", "b"])[0].startswith("only a / b^(2/3) is determined")
+
+
+def test_one_alone_and_two_directions_at_once():
+    found = words([0 * BASIS[0], BASIS[0], -BASIS[0], BASIS[1]], ["leak", "area", "volume", "mass"])
+    assert sorted(found) == [
+        "leak is not determined by the data",
+        "only area / volume is determined, not area and volume one by one",
+    ]
+
+
+def test_three_that_scale_together():
+    slopes = [BASIS[0], BASIS[1], -BASIS[0] - BASIS[1]]
+    (found,) = words(slopes, ["a", "b", "c"])
+    assert found == "a, b and c are not determined one by one: the data allow to scale a · b · c together"
+
+
+def test_shifts_of_what_may_be_negative():
+    (found,) = words([BASIS[0], BASIS[0]], ["offset", "mass"], logarithmic=[False, True])
+    assert "shift offset by" in found and "in units of their scales" in found
+
+
+def test_a_prior_decides_what_the_data_hardly_say():
+    """The data know the parameter to 30 %; that is much without a prior, little beside one of 5 %."""
+    weak = BASIS[0] / np.linalg.norm(BASIS[0]) / 0.3
+    assert words([weak], ["a"]) == []
+    assert words([weak], ["a"], prior=[1 / 0.05**2]) == ["a is not determined by the data"]
+
+
+def test_weak_in_strong_company():
+    """A direction a millionth as steep as another is still seen if it beats the noise."""
+    slopes = [1e6 * BASIS[0], BASIS[1]]
+    assert words(slopes, ["a", "b"]) == []
+
+
+def test_without_influence():
+    assert without_influence(np.array([[1.0, 2.0], [0.0, 0.0]]), ["a", "b"]) == ("b",)
+
+
+def test_words_of_exponents():
+    assert in_words({"x": 1.0, "y": 0.51}, {"x": True, "y": True}).startswith("only x / y^2 is determined")
+
+
+@pytest.mark.parametrize("name", ["squares", "huber", "student"])
+def test_losses_and_their_derivatives(name):
+    loss, r, h = loss_named(name), np.array([-7.0, -1.2, 0.3, 1.1, 4.0]), 1e-6
+    psi = (loss.cost(r + h) - loss.cost(r - h)) / (2 * h)
+    np.testing.assert_allclose(loss.weight(r) * r, psi, rtol=1e-6)
+    curving = ((loss.weight(r + h) * (r + h)) - (loss.weight(r - h) * (r - h))) / (2 * h)
+    np.testing.assert_allclose(loss.slope(r), curving, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(loss.cost(np.array([1e-4])), 0.5e-8, rtol=1e-6)
+
+
+def test_robust_losses_bound_the_pull():
+    far = np.array([1e3, 1e6])
+    assert np.ptp(Huber().weight(far) * far) == 0
+    pull = Student().weight(far) * far
+    assert pull[1] < pull[0] < 0.01
+    assert set(LOSSES) == {"squares", "huber", "student"}
+
+
+def line(residual, counts=None):
+    """A line of residuals."""
+    counts = np.ones(len(residual), bool) if counts is None else counts
+    kept = np.where(counts, residual, 0.0)
+    return Series(0, "y", "y", counts, kept, np.zeros((1, len(residual))), np.zeros(len(residual), int))
+
+
+def test_white_residuals_pass_as_often_as_they_should():
+    rng = np.random.default_rng(1)
+    passed = [whiteness(line(rng.normal(size=800)), "r").passed for _ in range(200)]
+    assert 0.96 <= np.mean(passed) <= 1.0
+    outside = [whiteness(line(rng.normal(size=800)), "r").outside for _ in range(50)]
+    assert np.mean(outside) < 0.025
+
+
+def test_coloured_residuals_do_not():
+    series = lfilter([1.0], [1, -0.3], np.random.default_rng(1).normal(size=800))
+    found = whiteness(line(series), "r")
+    assert not found.passed and abs(found.correlation[0]) > found.band[0]
+
+
+def test_residuals_that_follow_the_input():
+    rng = np.random.default_rng(1)
+    given = np.repeat(rng.normal(size=100), 10)
+    residual = np.roll(given, 4) + rng.normal(size=1000)
+    found = independence(line(residual), "r", "command", given)
+    assert not found.passed
+    assert found.lags[np.argmax(found.correlation)] == 4
+
+
+def test_independent_residuals_pass_white_or_not():
+    rng = np.random.default_rng(1)
+    passed = []
+    for _ in range(150):
+        given = np.repeat(rng.normal(size=100), 10)
+        residual = lfilter([1.0], [1, -0.8], rng.normal(size=1000))
+        passed.append(independence(line(residual), "r", "command", given).passed)
+    assert np.mean(passed) >= 0.95
+
+
+def two(prior, **more):
+    """A positive entry and one that may be negative."""
+    area = Place("area", "area", 2e-6, "m^2", "", positive=True)
+    shift = Place("shift", "shift", 0.0, "m", "")
+    high = more.get("upper", np.inf)
+    return Unknowns(
+        [
+            Unknown("area", area, (0,), 2e-6, 0.0, high, prior.std if prior else 1e-6, prior),
+            Unknown("shift", shift, (0, 1), 0.0, -np.inf, np.inf, 1e-3),
+        ]
+    )
+
+
+def test_coordinates_there_and_back():
+    vector = two(Prior(1.8e-6, 3e-7))
+    values = np.array([[1e-6, -2e-3], [5e-6, 4e-3]])
+    np.testing.assert_allclose(vector.values(vector.coordinates(values)), values, rtol=1e-12)
+    u, h = vector.coordinates(values[0]), 1e-6
+    for i in range(2):
+        step = h * np.eye(2)[i]
+        slope = (vector.values(u + step) - vector.values(u - step))[i] / (2 * h)
+        assert vector.slopes(u)[i] == pytest.approx(slope, rel=1e-6)
+        prior = (vector.prior_residuals(u + step) - vector.prior_residuals(u - step))[i] / (2 * h)
+        assert vector.prior_slopes[i] == pytest.approx(prior, rel=1e-6, abs=1e-9)
+    assert vector.prior_residuals(vector.coordinates(np.array([1.8e-6, 1.0])))[0] == pytest.approx(
+        0, abs=1e-9
+    )
+    np.testing.assert_array_equal(vector.acting_on(1), [1])
+
+
+def test_starts_fill_the_prior_evenly():
+    """One start in each of ten equal shares of the prior: that is what a Latin hypercube is."""
+    vector = two(Prior(2e-6, 4e-7))
+    points = spread_starts(vector, 11, seed=0)
+    np.testing.assert_allclose(vector.values(points[0]), [2e-6, 0.0])
+    logs = np.sort((points[1:, 0] - np.log(2e-6)) / 0.2)
+    edges = np.array([-1.2816, -0.8416, -0.5244, -0.2533, 0.0, 0.2533, 0.5244, 0.8416, 1.2816])
+    np.testing.assert_array_equal(np.searchsorted(edges, logs), np.arange(10))
+    np.testing.assert_array_equal(points, spread_starts(vector, 11, seed=0))
+    assert not np.array_equal(points, spread_starts(vector, 11, seed=1))
+
+
+def test_starts_keep_within_bounds():
+    vector = two(Prior(2e-6, 2e-6), upper=2.5e-6)
+    values = vector.values(spread_starts(vector, 40, seed=0))[:, 0]
+    assert values.max() < 2.5e-6 and (values > 2.4e-6).sum() > 3

@@ -1,0 +1,142 @@
+"""A result saved, loaded, put on a card, drawn, fitted again."""
+
+import json
+import tomllib
+
+import equinox as eqx
+import numpy as np
+import pandas as pd
+import pytest
+from estimation.made import fitted, pulled
+
+import jaxmuscle as jm
+from jaxmuscle import InputError
+from jaxmuscle.estimation import Student
+from jaxmuscle.estimation.saved import as_json
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return [
+        pulled(1, extra=3.0, threads=True, name="short"),
+        pulled(2, extra=-4.0, threads=True, name="long"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def result(recordings):
+    """With everything that a result can hold: a bound, a profile, an infinite deviation, a failed start."""
+    return fitted(
+        recordings,
+        "end_factor",
+        "initial_length",
+        "thread_friction.kinetic_coefficient",
+        per_recording=["offset.force"],
+        bounds={"offset.force": (None, 2.0)},
+        priors={"end_factor": None},
+        starts=[{}, {"end_factor": 1e200}],
+        profiles=["thread_friction.kinetic_coefficient"],
+        loss=Student(freedom=5.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def loaded(result, tmp_path_factory):
+    return jm.FitResult.load(result.save(tmp_path_factory.mktemp("saved") / "fit.json"))
+
+
+def test_the_result_holds_all_kinds(result):
+    assert result.parameters["offset.force[short]"].at_bound == "upper"
+    assert result.failed and result.profiles and result.tests
+
+
+def test_nothing_is_lost(result, loaded):
+    assert as_json(loaded) == as_json(result)
+    assert loaded.parameters == result.parameters
+    assert loaded.starts == result.starts and loaded.noise == result.noise
+    assert loaded.undetermined == result.undetermined and loaded.settings == result.settings
+    assert loaded.cards == result.cards
+    for one, other in zip(loaded.actuators, result.actuators, strict=True):
+        assert eqx.tree_equal(one, other)
+    pd.testing.assert_frame_equal(loaded.correlations, result.correlations)
+    for name, table in result.predictions.items():
+        pd.testing.assert_frame_equal(loaded.predictions[name], table)
+    for one, other in zip(loaded.profiles, result.profiles, strict=True):
+        np.testing.assert_array_equal(one.deviance, other.deviance)
+    assert loaded.notes() == result.notes()
+
+
+def test_the_file_is_strict_json(result):
+    def refuse(text):
+        raise AssertionError(f"{text} is no JSON")
+
+    content = json.loads(as_json(result), parse_constant=refuse)
+    entry = content["parameters"]["end_factor"]
+    assert entry["value"] == result.values["end_factor"] and entry["unit"] == ""
+
+
+def test_fits_again_from_where_it_ended(result, loaded, recordings):
+    again = loaded.refit(recordings, starts=1)
+    assert again.cost == pytest.approx(result.cost, rel=1e-3)
+    ratio = result.values["end_factor"] / result.values["initial_length"]
+    assert again.values["end_factor"] / again.values["initial_length"] == pytest.approx(ratio, rel=1e-4)
+    assert again.parameters["offset.force[long]"].upper == 2.0
+    assert again.settings["loss"] == result.settings["loss"]
+
+
+@pytest.mark.parametrize("recording", ["short", "long", 0, -1])
+def test_the_card_builds_the_fitted_machine(result, recording):
+    card = result.to_card(recording)
+    name = recording if isinstance(recording, str) else list(result.cards)[recording]
+    assert eqx.tree_equal(jm.actuator(card), result.actuators[list(result.cards).index(name)])
+    assert jm.Card.parse(tomllib.loads(card.to_toml())) == card
+    assert f"offset.force[{name}]" in card.description and "not part of this card" in card.description
+    kinetic = result.parameters["effects.thread_friction.kinetic_coefficient"]
+    assert card.effects["thread_friction"]["kinetic_coefficient"].std == kinetic.std
+
+
+def test_no_such_recording(result):
+    with pytest.raises(InputError, match="the fit has no recording 'shor'; did you mean 'short'"):
+        result.to_card("shor")
+    with pytest.raises(InputError, match="the fit has 2 recordings; got number 5"):
+        result.plot(5)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{}", "not a fit; expected a file that FitResult.save"),
+        ("[1", "cannot be read as JSON"),
+        ('{"kind": "jaxmuscle fit", "format": 99, "jaxmuscle": "9.0"}', "written by jaxmuscle 9.0"),
+    ],
+)
+def test_files_that_are_none(tmp_path, text, told):
+    (tmp_path / "fit.json").write_text(text)
+    with pytest.raises(InputError, match=told):
+        jm.FitResult.load(tmp_path / "fit.json")
+    with pytest.raises(InputError, match="no saved fit 'other.json'"):
+        jm.FitResult.load(tmp_path / "other.json")
+
+
+def test_nowhere_to_write(result, tmp_path):
+    with pytest.raises(InputError, match="cannot write"):
+        result.save(tmp_path / "absent" / "fit.json")
+
+
+def test_the_figure(result, tmp_path):
+    figure = result.plot("long")
+    figure.savefig(tmp_path / "fit.png", dpi=40)
+    titles = {axes.get_title(loc="left") for axes in figure.get_axes()}
+    assert "effects.thread_friction.kinetic_coefficient" in titles
+    drawn = next(axes for axes in figure.get_axes() if axes.get_ylabel() == "force [N]")
+    np.testing.assert_array_equal(
+        drawn.lines[0].get_ydata(), result.predictions["long"]["force"].to_numpy(), strict=True
+    )
+
+
+def test_the_table(result):
+    table = result.table()
+    assert table.loc["offset.force[short]", "remark"] == "at its upper bound"
+    assert list(table.columns[:5]) == ["value", "std", "low", "high", "unit"]
+    kinetic = table.loc["effects.thread_friction.kinetic_coefficient"]
+    assert kinetic["low"] < kinetic["value"] < kinetic["high"]
