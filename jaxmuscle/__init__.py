@@ -11,14 +11,16 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxmuscle import actuators, components, effects
+    from jaxmuscle import actuators, components, effects, robot
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
+    from jaxmuscle.estimation import FitResult, fit
     from jaxmuscle.parameters import describe, parameter, replace
     from jaxmuscle.recordings import Card, Recording, read
     from jaxmuscle.recordings import actuator_from_card as actuator
     from jaxmuscle.recordings.simulated import simulate
     from jaxmuscle.samples import sample
+    from jaxmuscle.sweeps import commands, sweep
 
 __version__ = "0.1.0"
 
@@ -31,37 +33,47 @@ else:
 _PLACES = {
     "Card": ("jaxmuscle.recordings", "Card"),
     "Diagnosis": ("jaxmuscle.diagnosis", "Diagnosis"),
+    "FitResult": ("jaxmuscle.estimation", "FitResult"),
     "InputError": ("jaxmuscle.errors", "InputError"),
     "Recording": ("jaxmuscle.recordings", "Recording"),
     "actuator": ("jaxmuscle.recordings", "actuator_from_card"),
     "actuators": ("jaxmuscle.actuators", None),
+    "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
     "effects": ("jaxmuscle.effects", None),
+    "fit": ("jaxmuscle.estimation", "fit"),
     "parameter": ("jaxmuscle.parameters", "parameter"),
     "read": ("jaxmuscle.recordings", "read"),
     "replace": ("jaxmuscle.parameters", "replace"),
+    "robot": ("jaxmuscle.robot", None),
     "sample": ("jaxmuscle.samples", "sample"),
     "simulate": ("jaxmuscle.recordings.simulated", "simulate"),
+    "sweep": ("jaxmuscle.sweeps", "sweep"),
 }
 
 __all__ = [
     "Card",
     "Diagnosis",
+    "FitResult",
     "InputError",
     "Recording",
     "actuator",
     "actuators",
+    "commands",
     "components",
     "describe",
     "diagnose",
     "effects",
+    "fit",
     "parameter",
     "read",
     "replace",
+    "robot",
     "sample",
     "simulate",
+    "sweep",
 ]
 
 
