@@ -27,7 +27,9 @@ LEAST_GAIN = 0.10
 """Part of the excess error on unseen windows that an effect must remove."""
 LARGEST_P = 0.01
 NOTHING_LEFT = 1.1
-"""Typical mean square weighted residual (1 = noise) below which what is left is not worth an effect."""
+"""Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
+MOST_OF_LITTLE = 0.5
+"""Part of the excess error that an effect must remove where most windows miss nothing."""
 TOLD_APART = 0.05
 """p-value below which the best candidate is told apart from another."""
 FIT_STEPS = 60
@@ -108,13 +110,18 @@ def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> 
 
 
 def _supported(ranking: Ranking) -> Candidate | None:
-    """The best candidate, if the unseen windows support it."""
+    """The best candidate, if the unseen windows support it.
+
+    Where only a few windows miss something, chance finds one among many candidates that helps there: it has
+    to explain most of them, and its p-value counts the candidates.
+    """
     best = ranking.candidates[0] if ranking.candidates else None
-    if best is None or ranking.loss < NOTHING_LEFT:
+    if best is None:
         return None
-    if best.evidence.gain < LEAST_GAIN or best.evidence.p_value > LARGEST_P:
-        return None
-    return best
+    little = ranking.loss < NOTHING_LEFT
+    least = MOST_OF_LITTLE if little else LEAST_GAIN
+    largest = LARGEST_P / len(ranking.candidates) if little else LARGEST_P
+    return best if best.evidence.gain >= least and best.evidence.p_value <= largest else None
 
 
 def _round(ranking: Ranking, best: Candidate | None) -> Round:

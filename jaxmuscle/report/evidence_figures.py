@@ -32,7 +32,7 @@ def reveal_figure(reveal: Reveal) -> Figure:
             axes.set_title(title, fontweight="bold", color=AFTER if title == whole else MUTED)
     # A few samples far out would leave no room for all others.
     panels[0].set_xlim(*_inner(reveal.x / size_x, 0.3))
-    panels[0].set_ylim(*_inner(reveal.before / size_y, 0.5))
+    panels[0].set_ylim(*_inner(reveal.before / size_y, 3.0))
     panels[0].set_ylabel(f"missing in {words(reveal.signal)} [{unit_y}]")
     return drawing
 

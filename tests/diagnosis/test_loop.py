@@ -8,7 +8,10 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.loop import LARGEST_P, LEAST_GAIN, diagnose
+from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.loop import LARGEST_P, LEAST_GAIN, _supported, diagnose
+from jaxmuscle.diagnosis.rank import Candidate, Ranking
+from jaxmuscle.effects import LoadFriction
 from jaxmuscle.parameters import parameters
 
 MASS_FRICTION = 13.84
@@ -140,3 +143,28 @@ def test_held_out_rows_do_not_influence_the_outcome(lift):
 def test_practice_recordings(shared, name, effect):
     diagnosis = diagnose(jm.read(shared / "recordings" / "practice" / f"{name}.csv"))
     assert diagnosis.effects[0].name == effect
+
+
+@pytest.mark.parametrize(
+    ("loss", "gain", "p_value", "accepted"),
+    [
+        (1.5, 0.15, 0.009, True),
+        (1.5, 0.09, 1e-6, False),
+        (1.5, 0.9, 0.011, False),
+        # Few windows miss something: most of that has to go, and the p-value counts both candidates.
+        (1.05, 0.9, 0.004, True),
+        (1.05, 0.9, 0.006, False),
+        (1.05, 0.4, 1e-6, False),
+    ],
+)
+def test_what_supports_an_effect(loss, gain, p_value, accepted):
+    def candidate(gain, p_value):
+        return Candidate(LoadFriction, Evidence(gain, p_value, loss), np.zeros(1), None, ())  # pyright: ignore
+
+    best = candidate(gain, p_value)
+    ranking = Ranking(loss, (), (best, candidate(0.0, 1.0)))
+    assert _supported(ranking) is (best if accepted else None)
+
+
+def test_nothing_to_choose_from_supports_nothing():
+    assert _supported(Ranking(5.0, (), ())) is None
