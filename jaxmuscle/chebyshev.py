@@ -16,6 +16,7 @@ import diffrax
 import equinox as eqx
 import numpy as np
 from diffrax import RESULTS
+from equinox.internal import ω
 from jaxtyping import Array
 from numpy.polynomial import Chebyshev
 
@@ -77,15 +78,16 @@ class ChebyshevRungeKutta(diffrax.AbstractSolver):
         del solver_state, made_jump
         width = t1 - t0
         first = rate = terms.vf(t0, y0, args)
-        before = last = 0.0 * y0
+        before = last = (0.0 * y0**ω).ω
         node = 0.0
         for stage in stages_of(self.stages):
             if node:
-                rate = terms.vf(t0 + node * width, y0 + last, args)
-            slope = stage.rate * rate + stage.first_rate * first
-            before, last = last, stage.last * last + stage.before * before + width * slope
+                rate = terms.vf(t0 + node * width, (y0**ω + last**ω).ω, args)
+            slope = stage.rate * rate**ω + stage.first_rate * first**ω
+            before, last = last, (stage.last * last**ω + stage.before * before**ω + width * slope).ω
             node = stage.node
-        return y0 + last, None, {"y0": y0, "y1": y0 + last}, None, RESULTS.successful
+        y1 = (y0**ω + last**ω).ω
+        return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
 
     def func(self, terms, t0, y0, args) -> Array:
         """The vector field."""

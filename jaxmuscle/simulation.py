@@ -1,4 +1,4 @@
-"""The only door to diffrax: a machine on its sample clock.
+"""A machine on its sample clock.
 
 The sampling instants are the loop: the command of row n is held from t_n to t_{n+1} (exact zero-order
 hold) and the sensors of row n are read at t_n. Between two samples a diffrax solver takes a fixed number
@@ -9,9 +9,9 @@ single link with its measured inputs, and the observer that carries the unmeasur
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -19,10 +19,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
-from jaxmuscle.chebyshev import ChebyshevRungeKutta
 from jaxmuscle.effects.base import States, initial_states, updated_memories
-from jaxmuscle.exponential import ExponentialHeun, propagator
+from jaxmuscle.exponential import ExponentialHeun
 from jaxmuscle.signals import Past
+from jaxmuscle.stepping import begin_course, controlled, method_for, step
 
 
 class Track(eqx.Module):
@@ -103,106 +103,119 @@ def run(
     *,
     samples: int,
     imposed: tuple[str, ...],
-    substeps: int,
+    substeps: int | Array,
     keep: tuple[str, ...] = (),
     restarts: Restarts | None = None,
+    method: str | None = None,
+    tolerance: Float[Array, ""] | None = None,
+    packed: bool = True,
 ) -> Run:
     """Simulate `samples` samples from `row` on, the states `imposed` following the measured ones.
 
     Args:
         start: states and memories at `row`; entries for imposed states are not used.
-        substeps: solver steps between two samples.
+        substeps: solver steps between two samples; with a tolerance, the fewest. Traced ones share one
+            compilation, and have no reverse mode.
         keep: states whose value at each sample is returned beside the readings.
         restarts: when the run begins anew from what was measured; never when `None`.
+        method: a name of `stepping.METHODS`; the machine's own when `None`.
+        tolerance: of steps under error control (:func:`jaxmuscle.stepping.controlled`).
+        packed: carry the states as one array, which reverse mode needs to be fast; apart, batches of runs
+            are two to five times as fast.
 
     Returns:
         readings and kept states, each with a leading axis of `samples`.
     """
     track_last = track.command.shape[0] - 1
     free = {name: value for name, value in start.state.items() if name not in imposed}
-    packed, unpack = ravel_pytree(free)
     width = track.step / substeps
-    solver = _solver(actuator, start.state, free, width)
+    solver = method_for(actuator, start.state, free, width, method)
+    pack, unpack = _packing(free, packed or isinstance(solver, ExponentialHeun))
 
     def sample(carry, index):
-        packed, memory = carry
+        own, memory, course = carry
         here = jnp.minimum(row + index, track_last)
         now, then = track.at(here), track.at(here + 1)
         if track.begins is not None:
-            packed, memory = _fresh_where(
-                track.begins[here], start_at_rest(actuator, track, here), packed, memory, tuple(free)
-            )
+            begins = track.begins[here]
+            own, memory = _fresh_where(begins, start_at_rest(actuator, track, here), own, memory, pack)
         if restarts is not None:
             again = index % restarts.period == 0
-            packed, memory = _fresh_where(again, restarts.at(here, track), packed, memory, tuple(free))
-        held = held_at(actuator, track, here, memory)
+            own, memory = _fresh_where(again, restarts.at(here, track), own, memory, pack)
 
-        def whole(packed, fraction) -> State:
+        def whole(own, fraction) -> State:
             path = {name: now[name] + fraction * (then[name] - now[name]) for name in imposed}
-            return {**unpack(packed), **path}
+            return {**unpack(own), **path}
 
-        state = whole(packed, 0.0)
-        out = actuator.readings(actuator.signals(state, held))
-        kept = Start({name: state[name] for name in keep}, memory if keep else {})
-
-        def substep(carry, begin):
-            packed, memory = carry
+        def field_under(memory):
             held = held_at(actuator, track, here, memory)
 
             @jax.jit  # traced once for all stages of the solver
-            def field(t, packed, _):
-                rates = actuator.vector_field(whole(packed, t / track.step), held)
-                return ravel_pytree({name: rates[name] for name in free})[0]
+            def field(t, own, _):
+                return pack(actuator.vector_field(whole(own, t / track.step), held))
 
-            if packed.size:
-                packed = _solver_step(solver, field, begin, begin + width, packed)
-            state = actuator.constrained(whole(packed, (begin + width) / track.step))
-            packed = ravel_pytree({name: state[name] for name in free})[0]
-            memory = updated_memories(actuator.effects, memory, actuator.signals(state, held), width)
-            return (packed, memory), None
+            return field
 
-        if substeps == 1:
-            carry, _ = substep((packed, memory), jnp.zeros(()))
+        def finish(own, memory, end, size):
+            state = actuator.constrained(whole(own, end / track.step))
+            signals = actuator.signals(state, held_at(actuator, track, here, memory))
+            return pack(state), updated_memories(actuator.effects, memory, signals, size)
+
+        def substep(carry, begin):
+            own, memory = carry
+            if free:
+                own, _ = step(solver, field_under(memory), begin, begin + width, own)
+            return finish(own, memory, begin + width, width), None
+
+        state = whole(own, 0.0)
+        out = actuator.readings(actuator.signals(state, held_at(actuator, track, here, memory)))
+        kept = Start({name: state[name] for name in keep}, memory if keep else {})
+        if tolerance is not None:
+            is_rate = pack(_rates(actuator, free))
+            own, memory, course = controlled(
+                solver, field_under, finish, own, memory, track.step, width, tolerance, is_rate, course
+            )
+        elif isinstance(substeps, Array):
+            onward = lambda i, carry: substep(carry, i * width)[0]  # noqa: E731
+            own, memory = jax.lax.fori_loop(0, substeps, onward, (own, memory))
+        elif substeps == 1:
+            (own, memory), _ = substep((own, memory), jnp.zeros(()))
         else:
-            carry, _ = jax.lax.scan(substep, (packed, memory), jnp.arange(substeps) * width)
-        return carry, (out, kept)
+            (own, memory), _ = jax.lax.scan(substep, (own, memory), jnp.arange(substeps) * width)
+        return (own, memory, course), (out, kept)
 
-    _, (readings, states) = jax.lax.scan(sample, (packed, start.memory), jnp.arange(samples))
+    own = pack(start.state)
+    course = None if tolerance is None else begin_course(width, own)
+    _, (readings, states) = jax.lax.scan(sample, (own, start.memory, course), jnp.arange(samples))
     return Run(readings, states)
 
 
+def _packing(free: State, packed: bool) -> tuple[Callable[[State], Any], Callable[[Any], State]]:
+    """From a state to what the solver carries of it, one array or a dictionary, and back."""
+
+    def apart(state: State) -> State:
+        return {name: state[name] for name in free}
+
+    if packed:
+        return lambda state: ravel_pytree(apart(state))[0], ravel_pytree(free)[1]
+    return apart, lambda own: own
+
+
+def _rates(actuator: AbstractActuator, free: State) -> State:
+    """1 for the states that are rates of another, else 0, in the form of the states."""
+    return {
+        name: jax.tree.map(lambda leaf, rate=name in actuator.derivatives: jnp.full_like(leaf, rate), own)
+        for name, own in free.items()
+    }
+
+
 def _fresh_where(
-    begins: Array, fresh: Start, packed: Array, memory: States, names: tuple[str, ...]
-) -> tuple[Array, States]:
-    """The packed state and the memories, those of `fresh` where a new stretch begins."""
-    anew = ravel_pytree({name: fresh.state[name] for name in names})[0]
+    begins: Array, fresh: Start, own: Any, memory: States, pack: Callable[[State], Any]
+) -> tuple[Any, States]:
+    """The carried states and the memories, those of `fresh` where a new stretch begins."""
     choose = lambda new, old: jnp.where(begins, new, old)  # noqa: E731
-    return choose(anew, packed), jax.tree.map(choose, dict(fresh.memory), dict(memory))
-
-
-def _solver(
-    actuator: AbstractActuator, state: State, free: State, width: Array
-) -> ChebyshevRungeKutta | ExponentialHeun:
-    """The stabilised explicit method; where the machine has a fast linear part, the exponential one."""
-    if not actuator.linear_part(state):
-        return ChebyshevRungeKutta()
-    packed, unpack = ravel_pytree(free)
-    still = jax.tree.map(jnp.zeros_like, state)
-
-    def linear(packed: Array) -> Array:
-        own = unpack(packed)
-        rates = actuator.linear_part({**still, **own})
-        return ravel_pytree({name: rates.get(name, still[name]) for name in own})[0]
-
-    return ExponentialHeun(propagator(jax.jacfwd(linear)(jnp.zeros_like(packed)), width))
-
-
-def _solver_step(
-    solver: ChebyshevRungeKutta | ExponentialHeun, field: Any, begin: Array, end: Array, packed: Array
-) -> Array:
-    term = diffrax.ODETerm(field)
-    solver_state = solver.init(term, begin, end, packed, None)
-    return solver.step(term, begin, end, packed, None, solver_state, made_jump=False)[0]
+    anew = (pack(fresh.state), dict(fresh.memory))
+    return jax.tree.map(choose, anew, (own, dict(memory)))
 
 
 def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
@@ -214,7 +227,9 @@ def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States
     return Held(track.command[row], Past(track.command, row, track.step, before, first), memory)
 
 
-def observe(actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1) -> Start:
+def observe(
+    actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1, *, packed: bool = True
+) -> Start:
     """The states that are not measured, carried along the whole track by the measured ones.
 
     Every measured state is imposed; openings, hysteresis, creep and lags run on from rest at the first
@@ -225,7 +240,15 @@ def observe(actuator: AbstractActuator, track: Track, samples: int, substeps: in
     hidden = tuple(name for name in start.state if name not in imposed)
     row = jnp.asarray(0)
     return run(
-        actuator, track, start, row, samples=samples, imposed=imposed, substeps=substeps, keep=hidden
+        actuator,
+        track,
+        start,
+        row,
+        samples=samples,
+        imposed=imposed,
+        substeps=substeps,
+        keep=hidden,
+        packed=packed,
     ).states
 
 
@@ -239,6 +262,7 @@ def predict(
     substeps: int,
     hidden: Start,
     period: Int[Array, ""] | None = None,
+    packed: bool = True,
 ) -> dict[str, Array]:
     """Readings of windows of `samples` samples, each started at its row from the measured state.
 
@@ -257,6 +281,7 @@ def predict(
             imposed=imposed,
             substeps=substeps,
             restarts=None if period is None else restarts,
+            packed=packed,
         ).readings
 
     return jax.vmap(window)(rows)

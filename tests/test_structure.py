@@ -23,6 +23,8 @@ ORDER = (
     "robot",
     "chebyshev",
     "exponential",
+    "runge_kutta",
+    "stepping",
     "simulation",
     "analysis",
     "recordings",
@@ -38,8 +40,8 @@ ORDER = (
 ON_THE_SIDE = {"samples": {"errors"}}
 """Data and the like that any may import, and what they may import themselves."""
 DOORS = {
-    "diffrax": {"simulation.py", "chebyshev.py", "exponential.py"},
-    "optimistix": {"fitting/fit.py", "fitting/loops.py", "analysis/equilibrium.py"},
+    "diffrax": {"stepping.py", "chebyshev.py", "exponential.py", "runge_kutta.py"},
+    "optimistix": {"fitting/fit.py", "fitting/loops.py", "analysis/equilibrium.py", "analysis/settling.py"},
 }
 """Libraries that only these modules may import."""
 FILES = sorted(path for path in ROOT.rglob("*.py"))

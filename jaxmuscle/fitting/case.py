@@ -23,7 +23,7 @@ class Case:
     """What a fit or a diagnosis works on.
 
     Attributes:
-        actuator: the machine as the card declares it.
+        actuator: the machine, as the card declares it unless another was given.
         priors: path of every parameter that the card calls uncertain → what it says of it.
         windows: all windows, held out or not; `problem` holds them all with the sensors' weights.
     """
@@ -50,16 +50,20 @@ class Case:
 
 
 def case(
-    recording: Recording, held_out: float | NDArray[np.bool_], ignored: NDArray[np.bool_] | None = None
+    recording: Recording,
+    held_out: float | NDArray[np.bool_],
+    ignored: NDArray[np.bool_] | None = None,
+    actuator: AbstractActuator | None = None,
 ) -> Case:
     """Prepare `recording`.
 
     Args:
         held_out: fraction of the recording, at its end, that no fit may see; or a mask over its rows.
         ignored: rows whose readings count for nothing: a saturated sensor, a slack muscle.
+        actuator: the machine; as the card declares it when `None`.
     """
     card = recording.card
-    actuator = actuator_from_card(card)
+    actuator = actuator_from_card(card) if actuator is None else actuator
     mask = _mask(held_out, len(recording))
     stretches = _stretches(mask, recording.breaks)
     prepared = observed(actuator, recording, card.noise, tuple((np.flatnonzero(np.diff(mask)) + 1).tolist()))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -74,10 +76,18 @@ def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
     )
 
 
-def link_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
-    """Every output predicted by its own link, the inputs of the link as measured."""
-    hidden = observe(actuator, problem.track, problem.total, problem.substeps)
-    return {link.output: _predict(actuator, problem, link, hidden) for link in actuator.links}
+def link_predictions(
+    actuator: AbstractActuator, problem: Problem, substeps: int | Array | None = None, *, packed: bool = True
+) -> Residuals:
+    """Every output predicted by its own link, the inputs of the link as measured.
+
+    Args:
+        substeps: solver steps between two samples; the problem's when `None`.
+        packed: as in :func:`jaxmuscle.simulation.run`; apart is faster in forward mode.
+    """
+    steps: Any = problem.substeps if substeps is None else substeps
+    hidden = observe(actuator, problem.track, problem.total, steps, packed=packed)
+    return {link.output: _predict(actuator, problem, link, hidden, steps, packed) for link in actuator.links}
 
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
@@ -151,14 +161,17 @@ def _neighbours(values: Array, problem: Problem) -> tuple[Array, Array]:
     return late, early
 
 
-def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start) -> Array:
+def _predict(
+    actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start, substeps: Any, packed: bool
+) -> Array:
     return predict(
         actuator,
         problem.track,
         problem.rows,
         samples=problem.samples,
         imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
-        substeps=problem.substeps,
+        substeps=substeps,
+        packed=packed,
         hidden=hidden,
         period=problem.period,
     )[link.output]

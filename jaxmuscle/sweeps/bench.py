@@ -39,12 +39,21 @@ class Bench(eqx.Module):
         table = jax.vmap(self.command)(self.times) if callable(self.command) else self.command
         return commanded_track(self.actuator, self._for_each_muscle(table), self.step, self.start)
 
-    def trajectory(self, substeps: int) -> Trajectory:
-        """The run from the start on, with `substeps` solver steps between two samples."""
+    def trajectory(self, substeps: int, method: str | None = None) -> Trajectory:
+        """The run from the start on, with `substeps` steps of a method between two samples."""
         track, machine = self.track(), self.actuator
         begin, row = start_at_rest(machine, track), jnp.asarray(0)
-        samples = track.command.shape[0]
-        done = run(machine, track, begin, row, samples=samples, imposed=machine.imposed, substeps=substeps)
+        done = run(
+            machine,
+            track,
+            begin,
+            row,
+            samples=track.command.shape[0],
+            imposed=machine.imposed,
+            substeps=substeps,
+            method=method,
+            packed=False,
+        )
         return Trajectory(self.times, track.command, done.readings, getattr(self.command, "frequency", None))
 
     def _for_each_muscle(self, table: Array) -> Array:

@@ -14,6 +14,7 @@ from jaxtyping import ArrayLike
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.steps import steps_of
 from jaxmuscle.sweeps import layout
 from jaxmuscle.sweeps.bench import Bench
 from jaxmuscle.sweeps.blocks import Cut, cut
@@ -45,6 +46,8 @@ def sweep(
     start: Mapping[str, Any] | None = None,
     outputs: Sequence[str] | None = None,
     reductions: Reductions = None,
+    method: str | None = None,
+    substeps: int | None = None,
     memory: float = GIB,
     progress: bool | Tell = False,
     store: Any = None,
@@ -66,6 +69,7 @@ def sweep(
         reductions: what to keep of each run: names of ``jaxmuscle.sweeps.reductions.CATALOGUE`` (of each
             output: "maximum", "rms", "settling_time", …), functions of a `Trajectory`, or a mapping from
             names to functions or (function, unit). The whole runs when not given.
+        method, substeps: steps between two samples, as for :func:`jaxmuscle.simulate`; fixed ones.
         memory: limit for the blocks at work, and for the results if they stay in memory [B].
         progress: show on standard error how far it is; or a function of (points done, all points).
         store: path or URL of a Zarr store that takes the results block by block. A sweep that was
@@ -88,8 +92,8 @@ def sweep(
     bench = bench_of(actuator, over, command, times, start or {})
     points = points_of(bench, over)
     columns = columns_of(bench, outputs, reductions)
-    substeps = max(1, math.ceil(float(bench.step) / actuator.largest_step - 1e-9))
-    plan = Plan(tuple(column.variable for column in columns), substeps)
+    steps = steps_of(actuator, float(bench.step), method, substeps)
+    plan = Plan(tuple(column.variable for column in columns), steps.substeps, steps.method)
     working, kept = _bytes_a_point(bench, columns)
     platform = default_devices()[0].platform if client is None else platform_of(client)
     division = cut(points.shape, working, kept, memory, platform)

@@ -1,0 +1,155 @@
+"""The door to diffrax: from one sample to the next, by a choice of methods, in fixed or controlled steps.
+
+Whatever the method, unilateral contacts act and play operators are brought up to date at the end of each
+step, without error of their own. The command is held between samples, so each sample is a fresh start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from jaxmuscle.actuators.base import AbstractActuator, State
+from jaxmuscle.chebyshev import ChebyshevRungeKutta
+from jaxmuscle.exponential import ExponentialHeun, propagator
+from jaxmuscle.runge_kutta import RungeKutta
+
+METHODS: dict[str, Callable[[], Any]] = {
+    "chebyshev": ChebyshevRungeKutta,
+    "heun": partial(RungeKutta, "Heun"),
+    "bogacki-shampine": partial(RungeKutta, "Bosh3"),
+    "dormand-prince": partial(RungeKutta, "Dopri5"),
+}
+"""Methods by name: second order and stabilised, second, third and fifth order."""
+CONTROLLED = ("bogacki-shampine", "dormand-prince")
+"""Methods that estimate their own error, the first of them the one that is taken unless another is named."""
+SMALLEST = 2.0**-14
+"""Shortest controlled step, as a share of the sampling step; it is taken whatever its error."""
+LEAST = 1e-3
+"""Size below which the tolerance of a state becomes absolute [SI unit of the state]."""
+SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 4.0
+"""Share of the step that the error would allow, and limits of the change from a step to the next."""
+
+Field = Callable[[Any], Callable[[Any, Any, Any], Any]]
+"""Memories → the vector field (time, state, nothing) → rates under them."""
+Finish = Callable[[Any, Any, Array, Array], tuple[Any, Any]]
+"""(state, memories, its time, step) → state and memories after contacts and play operators have acted."""
+
+
+class Course(eqx.Module):
+    """What error control carries along: the next step [s], and the largest value that each state has had."""
+
+    step: Array
+    largest: Any
+
+
+def method_for(actuator: AbstractActuator, state: State, free: Any, width: Array, name: str | None) -> Any:
+    """The method of a name; without one the stabilised method, or for a fast linear part the exponential one.
+
+    Args:
+        free: the part of `state` that is integrated.
+        width: step [s], for which the exponential method is made.
+    """
+    if name is not None:
+        return METHODS[name]()
+    if not actuator.linear_part(state):
+        return ChebyshevRungeKutta()
+    packed, unpack = ravel_pytree(free)
+    still = jax.tree.map(jnp.zeros_like, state)
+
+    def linear(packed: Array) -> Array:
+        own = unpack(packed)
+        rates = actuator.linear_part({**still, **own})
+        return ravel_pytree({name: rates.get(name, still[name]) for name in own})[0]
+
+    return ExponentialHeun(propagator(jax.jacfwd(linear)(jnp.zeros_like(packed)), width))
+
+
+def step(solver: Any, field: Callable[..., Any], begin: Array, end: Array, state: Any) -> tuple[Any, Any]:
+    """One step of a method: the state at `end`, and the error as the method estimates it (or `None`)."""
+    term = diffrax.ODETerm(field)
+    kept = solver.init(term, begin, end, state, None)
+    after, error, *_ = solver.step(term, begin, end, state, None, kept, made_jump=False)
+    return after, error
+
+
+def begin_course(longest: Array, state: Any) -> Course:
+    """At the first sample of a run: the longest step, the state as it is."""
+    return Course(longest, jax.tree.map(lambda leaf: jax.lax.stop_gradient(jnp.abs(leaf)), state))
+
+
+def controlled(
+    solver: Any,
+    field: Field,
+    finish: Finish,
+    state: Any,
+    memory: Any,
+    width: Array,
+    longest: Array,
+    tolerance: Float[Array, ""],
+    rates: Any,
+    course: Course,
+) -> tuple[Any, Any, Course]:
+    r"""From a sample to the next in steps whose error stays below the tolerance.
+
+    .. math:: \max_i \frac{|e_i|}{\mathrm{tol} \max(Y_i, 10^{-3})} ≤ 1
+
+    e: embedded estimate of a step's error plus what a contact moved back, for all states that are not
+    rates of another (an impact stops these at once, however short the step). Y_i: largest value that state
+    i has had. The next step is that of the usual controller, 0.9 h (error)^(-1/order), between a fifth and
+    four times the last (Hairer, Nørsett and Wanner, II.4). Step sizes are constants for derivatives.
+
+    Args:
+        width: sampling step [s].
+        longest: of all steps [s].
+        rates: state → whether it is the rate of another.
+        course: step and sizes at the end of the sample before.
+    """
+    order = solver.order(diffrax.ODETerm(field(memory)))
+
+    def again(carry: Any) -> Array:
+        return carry[0] < width
+
+    def onward(carry: Any) -> Any:
+        time, course, state, memory = carry
+        left = width - time
+        # What is left is divided evenly, so that no sliver remains for a last step.
+        parts = jnp.ceil(left / course.step - 1e-6)
+        size = left / parts
+        end = jnp.where(parts <= 1, width, time + size)
+        raw, estimate = step(solver, field(memory), time, end, state)
+        after, new_memory = finish(raw, memory, end, size)
+        largest = jax.tree.map(lambda a, b: jnp.maximum(a, jnp.abs(b)), course.largest, after)
+        moved = jax.tree.map(lambda a, b, rate: jnp.where(rate, 0.0, a - b), after, raw, rates)
+        error = _ratio(estimate, moved, largest, tolerance)
+        accept = (error <= 1) | (size <= SMALLEST * width)
+        factor = jnp.clip(SAFETY * jnp.maximum(error, 1e-12) ** (-1 / order), SLOWEST, FASTEST)
+        kept = Course(course.step, jax.lax.stop_gradient(largest))
+        # A step that was cut at the sample does not make the next one shorter.
+        wish = jnp.where(
+            accept & (size < course.step), jnp.maximum(course.step, size * factor), size * factor
+        )
+        following = jnp.clip(wish, SMALLEST * width, longest)
+        choose = lambda new, old: jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)  # noqa: E731
+        time, kept, state, memory = choose((end, kept, after, new_memory), (time, course, state, memory))
+        return time, Course(jax.lax.stop_gradient(following), kept.largest), state, memory
+
+    begin = (jnp.zeros_like(width), course, state, memory)
+    _, course, state, memory = jax.lax.while_loop(again, onward, begin)
+    return state, memory, course
+
+
+def _ratio(estimate: Any, moved: Any, largest: Any, tolerance: Array) -> Array:
+    """Largest error over all states relative to what is allowed; infinite where it is not a number."""
+    allowed = jax.tree.map(lambda size: tolerance * jnp.maximum(size, LEAST), largest)
+    shares = jax.tree.map(lambda e, m, a: jnp.max((jnp.abs(e) + jnp.abs(m)) / a), estimate, moved, allowed)
+    worst = jnp.max(jnp.stack(jax.tree.leaves(shares)))
+    return jax.lax.stop_gradient(jnp.where(jnp.isfinite(worst), worst, jnp.inf))
