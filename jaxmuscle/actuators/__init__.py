@@ -1,15 +1,13 @@
-"""Whole machines. A new rig is a class here and a line in `RIGS`."""
+"""Whole machines. A new rig is a class here and a line in `RIGS`; a user's own is a class and `register`."""
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, Link
 from jaxmuscle.actuators.driven import Driven
 from jaxmuscle.actuators.elbow import Elbow
 from jaxmuscle.actuators.isotonic import Isotonic
 from jaxmuscle.actuators.jetpipe import JetPipeActuator
+from jaxmuscle.actuators.jetpipe_piston import JetPipePiston
 from jaxmuscle.actuators.joint import Joint
-
-RIGS: dict[str, type[AbstractActuator]] = {
-    rig.rig: rig for rig in (Isotonic, Driven, Joint, JetPipeActuator, Elbow)
-}
+from jaxmuscle.actuators.registry import RIGS, register, rig_named
 
 __all__ = [
     "RIGS",
@@ -19,6 +17,9 @@ __all__ = [
     "Held",
     "Isotonic",
     "JetPipeActuator",
+    "JetPipePiston",
     "Joint",
     "Link",
+    "register",
+    "rig_named",
 ]

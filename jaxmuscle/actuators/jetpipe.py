@@ -131,15 +131,20 @@ class JetPipeActuator(AbstractActuator):
         }
 
     def linear_part(self, state: State) -> State:
-        # The tip follows small currents linearly; how far it saturates is left to the rest.
-        unsaturated = self.pipe.compliance * self.pipe.tip_force(state["current"])
-        return {
-            "current": -self.driver.bandwidth * state["current"],
-            "pipe": self.pipe.rate(unsaturated, state["pipe"]),
-        }
+        return linear_pipe(self.driver, self.pipe, state)
 
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"current": signals.current, "force": signals.force_reading}
 
     def constrained(self, state: State) -> State:
         return state
+
+
+def linear_pipe(driver: CurrentDriver, pipe: JetPipe, state: State) -> State:
+    """Rates of current and pipe that are linear in them, which a solver integrates exactly."""
+    # The tip follows small currents linearly; how far it saturates is left to the rest.
+    unsaturated = pipe.compliance * pipe.tip_force(state["current"])
+    return {
+        "current": -driver.bandwidth * state["current"],
+        "pipe": pipe.rate(unsaturated, state["pipe"]),
+    }

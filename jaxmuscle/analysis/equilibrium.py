@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.analysis.settling import EULER_STEPS, Settling
 from jaxmuscle.analysis.situation import Packed, Situation, situation
 from jaxmuscle.errors import InputError
 
-FIRST_STEP, GROWTH, STEPS = 1e-4, 1.6, 60
-"""Time steps on the way to rest: the first [s], the factor between two, their number."""
-TOLERANCE = 1e-9
-"""Of Newton's last step, and of the rates that are left, relative to the size of each state."""
+MOST_STEPS = EULER_STEPS + 30
+"""After which there is taken to be no point of rest."""
 
 
 class OperatingPoint(eqx.Module):
@@ -28,7 +27,7 @@ class OperatingPoint(eqx.Module):
         state: packed states.
         command: the constant command.
         readings: what the sensors show, in the order of the rig's outputs.
-        converged: whether every rate vanishes; false where there is no such point.
+        converged: whether Newton's last step was nothing; false where there is no such point.
     """
 
     situation: Situation
@@ -60,8 +59,15 @@ def equilibrium(
     Raises:
         InputError: a rig without a command, unknown names.
     """
-    command = jnp.asarray(command, dtype=float)
-    here = situation(actuator, command, start or {}, hold)
+    return _equilibrium(actuator, _floats(command), _starts(start), hold)
+
+
+@eqx.filter_jit
+def _equilibrium(
+    actuator: AbstractActuator, command: Array, start: dict[str, Array], hold: tuple[str, ...]
+) -> OperatingPoint:
+    """:func:`equilibrium`, compiled once for every kind of machine."""
+    here = situation(actuator, command, start, hold)
 
     def rates(packed: Packed, model: tuple[AbstractActuator, Array]) -> Packed:
         return here.rates(model[0], packed, model[1])
@@ -76,6 +82,7 @@ def equilibrium_at(
     value: ArrayLike,
     *,
     command: ArrayLike = 0.0,
+    adjusted: str | None = None,
     start: Mapping[str, ArrayLike] | None = None,
     hold: tuple[str, ...] = (),
 ) -> OperatingPoint:
@@ -86,51 +93,63 @@ def equilibrium_at(
 
     Args:
         output: column of the output, such as "force"; value: in SI.
-        command: where to begin; for rigs with one command.
+        command: where to begin, one entry a command.
+        adjusted: the command that is sought, of a rig with several; the others stay as they are.
 
     Raises:
-        InputError: as :func:`equilibrium`; a rig with several commands, an unknown output.
+        InputError: as :func:`equilibrium`; an unknown output, no or an unknown command to adjust.
     """
-    if len(actuator.commands) != 1:
-        raise InputError(f"rig {actuator.rig!r} has several commands; expected one that sets {output!r}")
-    begin = jnp.asarray(command, dtype=float)
-    here = situation(actuator, begin, start or {}, hold)
-    place, value = here.output(actuator, output), jnp.asarray(value, dtype=float)
-    scale = jnp.maximum(jnp.abs(value), 1e-3)
+    commands = actuator.commands
+    if len(commands) > 1 and adjusted not in commands:
+        raise InputError(
+            f"rig {actuator.rig!r} has several commands; expected adjusted to be the one that sets "
+            f"{output!r}, of {list(commands)}; got {adjusted!r}"
+        )
+    place = commands.index(adjusted) if len(commands) > 1 and adjusted else None
+    return _equilibrium_at(actuator, output, _floats(value), _floats(command), place, _starts(start), hold)
 
-    def rates(packed: Packed, model: tuple[AbstractActuator, Array]) -> Packed:
-        given = packed[-1]
-        miss = (model[1] - here.readings(model[0], packed[:-1], given)[place]) / scale
-        return jnp.concatenate([here.rates(model[0], packed[:-1], given), miss[None]])
 
-    first = jnp.concatenate([here.start, begin[None]])
-    state, converged = _at_rest(rates, first, (actuator, value))
-    found = state[-1]
-    readings = here.readings(actuator, state[:-1], found)
-    return OperatingPoint(here, state[:-1], found, readings, converged)
+@eqx.filter_jit
+def _equilibrium_at(
+    actuator: AbstractActuator,
+    output: str,
+    value: Array,
+    begin: Array,
+    adjusted: int | None,
+    start: dict[str, Array],
+    hold: tuple[str, ...],
+) -> OperatingPoint:
+    """:func:`equilibrium_at`, compiled once for every kind of machine."""
+    here = situation(actuator, begin, start, hold)
+    place = here.output(actuator, output)
+    which = () if adjusted is None else adjusted
+
+    def rates(packed: Packed, model: tuple[AbstractActuator, Array, Array]) -> Packed:
+        machine, wanted, others = model
+        given = others.at[which].set(packed[-1])
+        miss = wanted - here.readings(machine, packed[:-1], given)[place]
+        slow = miss / jnp.maximum(jnp.abs(wanted), 1e-3)
+        return jnp.concatenate([here.rates(machine, packed[:-1], given), slow[None]])
+
+    first = jnp.concatenate([here.start, begin[which][None]])
+    state, converged = _at_rest(rates, first, (actuator, value, begin))
+    found = begin.at[which].set(state[-1])
+    return OperatingPoint(here, state[:-1], found, here.readings(actuator, state[:-1], found), converged)
+
+
+def _floats(value: ArrayLike) -> Array:
+    return jnp.asarray(value, dtype=float)
+
+
+def _starts(start: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
+    return {name: _floats(value) for name, value in (start or {}).items()}
 
 
 def _at_rest(
-    rates: Callable[[Packed, tuple[AbstractActuator, Array]], Packed],
+    rates: Callable[[Packed, Any], Packed],
     start: Packed,
-    model: tuple[AbstractActuator, Array],
+    model: tuple[AbstractActuator, *tuple[Array, ...]],
 ) -> tuple[Packed, Bool[Array, ""]]:
     """Packed state at which `rates` vanish, and whether they do."""
-
-    def toward_rest(x: Packed, width: Array) -> tuple[Packed, None]:
-        slopes = jax.jacfwd(rates)(x, model)
-        return x + jnp.linalg.solve(jnp.eye(len(x)) / width - slopes, rates(x, model)), None
-
-    widths = FIRST_STEP * GROWTH ** jnp.arange(STEPS)
-    near = jax.lax.stop_gradient(jax.lax.scan(toward_rest, start, widths)[0])
-    # Pressures and tip positions differ by nine orders of magnitude.
-    sizes = jnp.where(near == 0, 1.0, jnp.maximum(jnp.abs(near), 1e-12))
-
-    def scaled(z: Packed, model: tuple[AbstractActuator, Array]) -> Packed:
-        return rates(sizes * z, model) / sizes
-
-    solver = optx.Newton(rtol=TOLERANCE, atol=TOLERANCE)
-    found = optx.root_find(scaled, solver, near / sizes, model, max_steps=30, throw=False).value
-    # Something that rings fast comes to rest only within the rounding of its fastest rate.
-    fastest = 1 + jnp.abs(jax.jacfwd(scaled)(found, model)).sum(axis=1)
-    return sizes * found, jnp.all(jnp.abs(scaled(found, model)) < TOLERANCE * fastest)
+    found = optx.root_find(rates, Settling(), start, model, max_steps=MOST_STEPS, throw=False)
+    return found.value, found.result == optx.RESULTS.successful

@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
+from jaxmuscle.analysis.elimination import solve
 from jaxmuscle.errors import InputError
 
 LOWEST, HIGHEST, GRID = 1e-3, 1e5, 400
@@ -33,6 +34,7 @@ class LinearModel(eqx.Module):
     inputs: tuple[str, ...] = eqx.field(static=True)
     outputs: tuple[str, ...] = eqx.field(static=True)
 
+    @eqx.filter_jit
     def poles(self) -> Complex[Array, " states"]:
         """Eigenvalues of A [rad/s], by increasing magnitude."""
         values = jnp.linalg.eigvals(self.a)
@@ -56,13 +58,14 @@ class LinearModel(eqx.Module):
         found = found[np.isfinite(found) & (np.abs(found) < FAR)]
         return found[np.argsort(np.abs(found))]
 
+    @eqx.filter_jit
     def response(self, omega: Array, output: str, input: str | None = None) -> Complex[Array, "..."]:
         """Frequency response G(jω) from one input to one output; ω in rad/s, any shape."""
         i, j = self._places(output, input)
 
         def at(w: Array) -> Array:
             matrix = 1j * w * jnp.eye(len(self.states)) - self.a
-            return self.c[i] @ jnp.linalg.solve(matrix, self.b[:, j].astype(complex)) + self.d[i, j]
+            return self.c[i] @ solve(matrix, self.b[:, j].astype(complex)) + self.d[i, j]
 
         return jnp.vectorize(at)(jnp.asarray(omega, dtype=float))
 
@@ -70,6 +73,7 @@ class LinearModel(eqx.Module):
         """Static gain from one input to one output."""
         return self.response(jnp.asarray(0.0), output, input).real
 
+    @eqx.filter_jit
     def bandwidth(self, output: str, input: str | None = None) -> Float[Array, ""]:
         """Lowest frequency [rad/s] at which the gain has fallen by 3 dB from the static one.
 

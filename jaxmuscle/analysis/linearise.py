@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.analysis.equilibrium import OperatingPoint
 from jaxmuscle.analysis.linear import LinearModel
 
 
+@eqx.filter_jit
 def linearise(actuator: AbstractActuator, point: OperatingPoint) -> LinearModel:
     """A, B, C, D of `actuator` about `point`: exact derivatives of its vector field and readings.
 
@@ -19,22 +22,19 @@ def linearise(actuator: AbstractActuator, point: OperatingPoint) -> LinearModel:
     """
     here = point.situation
 
-    def rates(x, u):
-        return here.rates(actuator, x, u)
+    states = point.state.size
 
-    def readings(x, u):
-        return here.readings(actuator, x, u)
+    def everything(both: Array) -> Array:
+        x, u = both[:states], both[states:].reshape(point.command.shape)
+        return jnp.concatenate([here.rates(actuator, x, u), here.readings(actuator, x, u)])
 
-    def by_command(f):
-        return jax.jacfwd(f, argnums=1)(point.state, point.command).reshape(-1, len(actuator.commands))
-
-    outputs = tuple(name for names in actuator.outputs.values() for name in names)
+    slopes = jax.jacfwd(everything)(jnp.concatenate([point.state, point.command.ravel()]))
     return LinearModel(
-        a=jax.jacfwd(rates)(point.state, point.command),
-        b=by_command(rates),
-        c=jnp.atleast_2d(jax.jacfwd(readings)(point.state, point.command)),
-        d=by_command(readings),
+        a=slopes[:states, :states],
+        b=slopes[:states, states:],
+        c=slopes[states:, :states],
+        d=slopes[states:, states:],
         states=here.names,
         inputs=actuator.commands,
-        outputs=outputs,
+        outputs=tuple(name for names in actuator.outputs.values() for name in names),
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,6 +22,22 @@ from jaxmuscle.simulation import Track, start_at_rest
 Packed = Float[Array, " states"]
 
 
+@dataclasses.dataclass(frozen=True)
+class Packing:
+    """How states lie in one vector; equal for equal machines, so that what is compiled for one serves all."""
+
+    tree: Any
+    shapes: tuple[tuple[int, ...], ...]
+
+    def __call__(self, packed: Packed) -> State:
+        """The states by their names."""
+        ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes])[:-1]
+        parts = jnp.split(packed, ends)
+        return jax.tree.unflatten(
+            self.tree, [part.reshape(s) for part, s in zip(parts, self.shapes, strict=True)]
+        )
+
+
 class Situation(eqx.Module):
     """Packed states of a machine, of which some may be held, and the memories of its effects.
 
@@ -32,7 +50,7 @@ class Situation(eqx.Module):
     start: Packed
     held: State
     memory: States
-    unpack: Callable[[Packed], State] = eqx.field(static=True)
+    unpack: Packing = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
 
     def rates(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
@@ -72,8 +90,9 @@ def situation(
         raise InputError(f"hold: expected states of {sorted(begin.state)}; got {sorted(unknown)}")
     free = {name: value for name, value in begin.state.items() if name not in hold}
     kept = {name: value for name, value in begin.state.items() if name in hold}
-    packed, unpack = ravel_pytree(free)
-    return Situation(packed, kept, begin.memory, unpack, _names(free))
+    leaves, tree = jax.tree.flatten(free)
+    packing = Packing(tree, tuple(jnp.shape(leaf) for leaf in leaves))
+    return Situation(ravel_pytree(free)[0], kept, begin.memory, packing, _names(free))
 
 
 def steady(actuator: AbstractActuator, command: Array, memory: States) -> Held:

@@ -44,15 +44,17 @@ class Cylinder(eqx.Module):
         """Pull of the rod :math:`A_p (p_1 - p_2)` [N], [H] 2.38; pressures [Pa]."""
         return self.piston_area * (pressure[0] - pressure[1])
 
-    def leak(self, pressure: Chambers, temperature: Value) -> Value:
+    def leak(self, pressure: Chambers, temperature: Value | Chambers) -> Value:
         r"""Flow past the piston from chamber 1 to chamber 2 [kg/s], [H] 2.23:
         :math:`C_d A = A_0 - A_1\,p_d/p_u`, not below zero, p_u and p_d the higher and the lower pressure.
 
-        `leak_area` A_0, `leak_slope` A_1; pressures absolute [Pa], temperature [K].
+        `leak_area` A_0, `leak_slope` A_1; pressures absolute [Pa], temperature, one or of each chamber [K].
         """
+        pair = jnp.broadcast_to(temperature, (2,))
+        upstream = jnp.where(pressure[0] >= pressure[1], pair[0], pair[1])
         ratio = jnp.min(pressure) / jnp.max(pressure)
         area = jnp.maximum(self.leak_area - self.leak_slope * ratio, 0.0)
-        return nozzle_flow(area, pressure[0], pressure[1], temperature)
+        return nozzle_flow(area, pressure[0], pressure[1], upstream)
 
     def pressure_rate(
         self, mass_flow: Chambers, volume: Chambers, temperature: Value, exponent: Value

@@ -13,7 +13,7 @@ from jaxmuscle.effects.hysteresis import LengthHysteresis
 from jaxmuscle.effects.load import Gravity, LoadDamping
 from jaxmuscle.effects.muscle import MuscleMismatch, PressureDependentEnds
 from jaxmuscle.effects.sensor import ForceSensorLag
-from jaxmuscle.effects.valve import CurrentSaturation, ValveHysteresis
+from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
 from jaxmuscle.effects.viscoelastic import Creep
 
 CATALOGUE: tuple[type[AbstractEffect], ...] = (
@@ -50,6 +50,7 @@ __all__ = [
     "Creep",
     "CurrentSaturation",
     "ForceSensorLag",
+    "FrameValveHysteresis",
     "Gravity",
     "LengthHysteresis",
     "LoadDamping",

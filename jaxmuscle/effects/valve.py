@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from functools import cache
+from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
-from jaxmuscle.effects.hysteresis import play
+from jaxmuscle.hysteresis import FrameRule
+from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import TIP_FORCE, TIP_POSITION, Signals
 
 FRACTIONS = np.arange(1, 9) / 8
 """Thresholds of the play operators, as fractions of the widest."""
+LOOP_SHARE, LOOP_POINTS = 0.16, 201
+"""Half-width of the major loop of Frame's rule relative to half its span, points of its table."""
 
 
 class ValveHysteresis(AbstractMemoryEffect):
@@ -48,6 +53,48 @@ class ValveHysteresis(AbstractMemoryEffect):
         force = signals.pipe.tip_force(signals.current)
         behind = play(memory, force[..., None], FRACTIONS * self.width).mean(-1)
         return -self.weight * signals.pipe.compliance * (force - behind)
+
+
+class FrameValveHysteresis(AbstractMemoryEffect):
+    r"""Hysteresis of the tip of a jet pipe by Frame's rule for minor loops, the way that [H] tried.
+
+    .. math:: Δx = X\,\frac{y - s}{β},\quad s = F/F_{sat},\quad y = s ± β (1 - s^2)
+
+    y by :class:`FrameRule` from the major loop whose halves are s ± β(1 - s²), β = 0.16: 0.08 mm in the
+    ±0.5 mm of [H] section 3.2.1. Starts, as the rule does, from the low saturation. [H] 3.2.2 found it no
+    better than the mid-line; it stands beside :class:`ValveHysteresis` and is no candidate of a diagnosis.
+    """
+
+    name: ClassVar = "valve_hysteresis_by_frame"
+    slot: ClassVar = TIP_POSITION
+    reads: ClassVar = frozenset({"pipe", "current"})
+    strength: ClassVar = "half_width"
+    starts: ClassVar = ({},)
+    source: ClassVar = "[H] section 2.4, Frame et al. (1982)"
+
+    half_width: Scalar = parameter("m", "half the separation of the major loop, X", default=0.0, typical=1e-5)
+    span: Scalar = parameter("N", "tip force at which the major loop closes", default=0.7784, positive=True)
+
+    def initial(self, signals: Signals) -> Any:
+        return major_loop().update(major_loop().rest(), self._input(signals))
+
+    def update(self, memory: Any, signals: Signals, step: Array) -> Any:
+        return major_loop().update(memory, self._input(signals))
+
+    def value(self, memory: Any, signals: Signals) -> Array:
+        s = self._input(signals)
+        return self.half_width * (major_loop().output(memory, s) - s) / LOOP_SHARE
+
+    def _input(self, signals: Signals) -> Array:
+        return jnp.clip(signals.pipe.tip_force(signals.current) / self.span, -1.0, 1.0)
+
+
+@cache
+def major_loop() -> FrameRule:
+    """Frame's rule for a loop from -1 to 1 whose halves are s ± β(1 - s²)."""
+    s = np.linspace(-1.0, 1.0, LOOP_POINTS)
+    with jax.ensure_compile_time_eval():
+        return FrameRule(*map(jnp.asarray, (s, s - LOOP_SHARE * (1 - s**2), s + LOOP_SHARE * (1 - s**2))))
 
 
 class CurrentSaturation(AbstractStaticEffect):

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.components.contact import pressing
 from jaxmuscle.parameters import Scalar, parameter
 
 Point = Float[Array, "... 2"]
@@ -37,15 +38,9 @@ class Pane(eqx.Module):
 
     def pressing(self, point: Point, velocity: Point) -> Float[Array, "..."]:
         """Size F of the contact force [N], never negative."""
-        depth = positive_part(self.penetration(point), self.width)
-        return self.stiffness * depth * positive_part(1 + self.damping * (velocity @ self._direction), 0.1)
+        speed = velocity @ self._direction
+        return pressing(self.penetration(point), speed, self.stiffness, self.damping, self.width)
 
     @property
     def _direction(self) -> Float[Array, "2"]:
         return jnp.stack([jnp.cos(self.normal), jnp.sin(self.normal)])
-
-
-def positive_part(value: Array, width: Array | float) -> Array:
-    r"""max(value, 0) with its corner rounded to :math:`(x + w)^2/(4w)` in :math:`|x| < w`; never negative."""
-    inside = jnp.clip(value, -width, width)
-    return (inside + width) ** 2 / (4 * width) + jnp.maximum(value - width, 0.0)

@@ -12,6 +12,8 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import replace
 
 JET = bench.model("jet-pipe")
+SAMPLES = 1650
+"""Of long runs: the same in all tests, so that they share what is compiled."""
 
 
 def test_mass_hangs_where_the_force_of_the_muscle_is_its_weight():
@@ -28,7 +30,7 @@ def test_mass_hangs_where_the_force_of_the_muscle_is_its_weight():
 
 def test_jet_pipe_settles_where_a_long_run_ends():
     command = 1.2
-    force = bench.simulated(JET, bench.track("jet-pipe", np.full(1000, command)), 2).readings["force"][-1]
+    force = bench.simulated(JET, bench.track("jet-pipe", np.full(SAMPLES, command)), 2).readings["force"][-1]
     point = equilibrium(JET, command)
     assert point.converged
     np.testing.assert_allclose(point.readings, [0.12, float(force)], rtol=1e-3)
@@ -48,18 +50,17 @@ def test_derivatives_follow_the_implicit_function_theorem():
         return equilibrium(replace(JET, {"pipe.compliance": values[0]}), values[1]).readings[1]
 
     at = np.array([0.8e-3, 1.1])
-    forward, reverse = jax.jit(jax.jacfwd(force))(at), jax.jit(jax.grad(force))(at)
-    f, h = jax.jit(force), 1e-5
-    difference = [(f(at * (1 + h * e)) - f(at * (1 - h * e))) / (2 * h) for e in np.eye(2)] / at
+
+    @jax.jit
+    def both_ways(values):
+        _, push = jax.linearize(force, values)
+        pull = jax.linear_transpose(push, values)
+        return jax.vmap(push)(jnp.eye(2)), pull(jnp.ones(()))[0]
+
+    (forward, reverse), h = both_ways(at), 1e-5
+    difference = [(force(at * (1 + h * e)) - force(at * (1 - h * e))) / (2 * h) for e in np.eye(2)] / at
     np.testing.assert_allclose(forward, difference, rtol=1e-6)
     np.testing.assert_allclose(reverse, difference, rtol=1e-6)
-
-
-def test_many_points_at_once():
-    forces = jnp.array([15.0, 45.0, 75.0])
-    points = jax.vmap(lambda f: equilibrium_at(JET, "force", f, command=1.0))(forces)
-    assert points.converged.all()
-    np.testing.assert_allclose(points.readings[:, 1], forces, rtol=1e-9)
 
 
 def test_no_point_is_reported_as_such():
@@ -77,5 +78,5 @@ def test_errors_say_what_was_expected():
         equilibrium(JET, 0.0, start={"pressure": 1e5})
     with pytest.raises(InputError, match=r"one of \['current', 'force'\]; got 'torque'"):
         equilibrium_at(JET, "torque", 1.0)
-    with pytest.raises(InputError, match="several commands"):
+    with pytest.raises(InputError, match=r"several commands; .*\['command_1', 'command_2'\]; got None"):
         equilibrium_at(bench.model("joint"), "angle", 0.1)

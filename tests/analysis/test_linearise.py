@@ -1,5 +1,7 @@
 """Linear models against closed forms, against the published table, and against the machine itself."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +19,7 @@ THESIS = replace(
 """The operating conditions of [H] Table 4.1: 45 N, stopper at 54 mm."""
 
 
+@cache
 def at_45_newton(exponent=1.4):
     actuator = replace(THESIS, {"polytropic_exponent": exponent})
     return linearise(actuator, equilibrium_at(actuator, "force", 45.0, command=1.0))
@@ -57,7 +60,7 @@ def test_static_gain_is_the_slope_between_two_points():
 
 def test_small_steps_of_the_machine_are_those_of_the_model():
     point = equilibrium_at(bench.model("jet-pipe"), "force", 45.0, command=1.0)
-    size, settle, samples = 0.01, 1500, 150
+    size, settle, samples = 0.01, 1500, 150  # together as in the other long runs
     command = np.where(np.arange(settle + samples) < settle, point.command, point.command + size)
     run = bench.simulated(bench.model("jet-pipe"), bench.track("jet-pipe", command), 2)
     model = linearise(bench.model("jet-pipe"), point)
@@ -102,26 +105,38 @@ def test_closed_forms_of_a_small_system():
     np.testing.assert_allclose(model.response(omega, "y"), expected, rtol=1e-12)
     first_order = lag(50.0, (2.0, 50.0))
     assert first_order.bandwidth("y") == pytest.approx(2.0, rel=1e-6)
-    assert np.isinf(
-        LinearModel(-jnp.eye(1), jnp.eye(1), jnp.zeros((1, 1)), jnp.eye(1), ("x",), ("u",), ("y",)).bandwidth(
-            "y"
-        )
-    )
+    a, b, c, d = -jnp.eye(2), jnp.ones((2, 1)), jnp.zeros((1, 2)), jnp.ones((1, 1))
+    assert np.isinf(LinearModel(a, b, c, d, ("x", "v"), ("u",), ("y",)).bandwidth("y"))
+
+
+STOPPERS, FORCES = np.array([0.040, 0.054, 0.068]), np.array([30.0, 45.0, 60.0])
+
+
+@cache
+def sweep():
+    """Operating points and bandwidths [Hz] over stopper positions and forces, in one call."""
+
+    def at(stopper, force):
+        actuator = replace(THESIS, {"stopper_position": stopper})
+        point = equilibrium_at(actuator, "force", force, command=1.0)
+        return point, linearise(actuator, point).bandwidth("force") / (2 * jnp.pi)
+
+    return jax.jit(jax.vmap(jax.vmap(at, (None, 0)), (0, None)))(STOPPERS, FORCES)
+
+
+def test_many_points_at_once():
+    points, _ = sweep()
+    assert points.converged.shape == (3, 3) and points.converged.all()
+    np.testing.assert_allclose(points.readings[..., 1], np.tile(FORCES, (3, 1)), rtol=1e-9)
 
 
 def test_bandwidth_over_stopper_and_force_in_one_call():
-    def bandwidth(stopper, force):
-        actuator = replace(THESIS, {"stopper_position": stopper})
-        point = equilibrium_at(actuator, "force", force, command=1.0)
-        return linearise(actuator, point).bandwidth("force") / (2 * jnp.pi), point.converged
-
-    over_both = jax.vmap(jax.vmap(bandwidth, (None, 0)), (0, None))
-    stoppers, forces = jnp.array([0.040, 0.054, 0.068]), jnp.array([30.0, 45.0, 60.0])
-    hertz, converged = jax.jit(over_both)(stoppers, forces)
-    assert converged.all() and hertz.shape == (3, 3)
+    _, hertz = sweep()
+    assert hertz.shape == (3, 3)
     # [H] section 3.3.2 observed 0.8 to 2.8 Hz.
     assert np.all((hertz > 0.8) & (hertz < 2.8))
-    assert float(hertz[1, 1]) == pytest.approx(float(bandwidth(0.054, 45.0)[0]), rel=1e-9)
+    alone = at_45_newton().bandwidth("force") / (2 * jnp.pi)
+    assert float(hertz[1, 1]) == pytest.approx(float(alone), rel=1e-9)
 
 
 def test_names_are_checked():

@@ -25,6 +25,7 @@ RANDOM = {
     "contraction": lambda rng: rng.uniform(0, 0.09),
     "velocity": lambda rng: rng.choice([0.0, rng.normal(0, 0.3)]),
     "angle": lambda rng: rng.normal(0, 1.0),
+    "temperature": lambda rng, *shape: rng.uniform(270, 310, *shape),
     "plays": lambda rng, *shape: rng.normal(2.0, 1.0, *shape),
     "angular_velocity": lambda rng: rng.choice([0.0, rng.normal(0, 5.0)]),
 }
@@ -40,6 +41,7 @@ SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},
     "elbow": {"plays": (10,)},
     "jet-pipe": {"pipe": (3,), "pressure": (2,)},
+    "jet-pipe-piston": {"pipe": (3,), "pressure": (2,), "temperature": (2,)},
 }
 STATES = {
     "isotonic": ("opening", "pressure", "position", "velocity"),
@@ -47,6 +49,7 @@ STATES = {
     "joint": ("pressure", "pressure_rate", "angle", "angular_velocity"),
     "elbow": ("pressure", "pressure_rate", "plays"),
     "jet-pipe": ("current", "pipe", "pressure"),
+    "jet-pipe-piston": ("current", "pipe", "pressure", "temperature", "position", "velocity"),
 }
 
 
@@ -56,6 +59,8 @@ def drawn(rig, seed):
     shapes = SHAPES.get(rig, {})
     state = {name: jnp.asarray(RANDOM[name](rng, *shapes.get(name, ()))) for name in STATES[rig]}
     table = rng.uniform(-5, 5, (6,)) if rig != "joint" else bench.AMBIENT + rng.uniform(0, 5e5, (6, 2))
+    if rig == "jet-pipe-piston":
+        table = np.stack([table, bench.AMBIENT + rng.uniform(4e5, 6e5, 6)], axis=1)
     return state, jnp.asarray(table), jnp.asarray(rng.normal(0, 0.1, 64))
 
 

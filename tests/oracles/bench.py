@@ -4,13 +4,15 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxmuscle.actuators import RIGS, Driven, Elbow, Isotonic, JetPipeActuator, Joint
+from jaxmuscle.actuators import RIGS, Driven, Elbow, Isotonic, JetPipeActuator, JetPipePiston, Joint
 from jaxmuscle.components import (
+    ChamberGas,
     CurrentDriver,
     Cylinder,
     FlowValve,
     JetPipe,
     McKibben,
+    Piston,
     PressureRegulator,
     Receiver,
 )
@@ -20,7 +22,14 @@ from jaxmuscle.parameters import replace
 from jaxmuscle.simulation import Track, run, start_at_rest
 
 AMBIENT = 101325.0
-STEPS = {"isotonic": 2e-3, "joint": 2e-3, "driven": 1e-2, "elbow": 1e-2, "jet-pipe": 2e-3}
+STEPS = {
+    "isotonic": 2e-3,
+    "joint": 2e-3,
+    "driven": 1e-2,
+    "elbow": 1e-2,
+    "jet-pipe": 2e-3,
+    "jet-pipe-piston": 2e-3,
+}
 MUSCLE = {
     "initial_length": 0.3,
     "initial_radius": 0.007,
@@ -82,6 +91,14 @@ CARDS = {
     },
 }
 
+CARDS["jet-pipe-piston"] = {
+    **{name: value for name, value in CARDS["jet-pipe"].items() if name != "residual_force"},
+    "wall_conductance": 0.02,
+    "viscous_friction": 3.0,
+    "coulomb_friction": 0.8,
+    "stiction": 1.5,
+}
+
 
 def built(kind, *values, **named):
     """A component, machine or effect from plain numbers: its converters make the arrays of its fields."""
@@ -104,6 +121,16 @@ BLANKS["jet-pipe"] = built(
     built(JetPipe, 1, 1, 0),
     built(Receiver, 1, 1),
     built(Cylinder),
+    1,
+)
+BLANKS["jet-pipe-piston"] = built(
+    JetPipePiston,
+    built(CurrentDriver, 1),
+    built(JetPipe, 1, 1, 0),
+    built(Receiver, 1, 1),
+    built(Cylinder),
+    built(Piston),
+    built(ChamberGas),
     1,
 )
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.105, "velocity_constant": 0.15}
@@ -154,6 +181,13 @@ def jet_pipe_command():
     sines = 0.9 + 0.8 * np.sin(2 * np.pi * 9 * (t - 0.5))
     loops = 0.6 + 0.25 * np.sin(2 * np.pi * 20 * (t - 0.9))
     return np.select([t < 0.2, t < 0.3, t < 0.5, t < 0.8, t < 0.9], [1.3, 0.3, 2.2, sines, -0.8], loops)
+
+
+def piston_command():
+    """The jet-pipe's command with a supply that sags and recovers [V; Pa, absolute]; 1.2 s."""
+    t = np.arange(600) * STEPS["jet-pipe-piston"]
+    supply = AMBIENT + np.interp(t, [0.0, 0.4, 0.7, 1.0], [5.5e5, 5.5e5, 4.2e5, 5.5e5])
+    return np.stack([jet_pipe_command(), supply], axis=1)
 
 
 def driven_motion():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from oracles.bench import built
 
+from jaxmuscle.components.contact import positive_part
 from jaxmuscle.robot import Pane
-from jaxmuscle.robot.pane import positive_part
 
 PANE = built(Pane, stiffness=5e3, damping=3.0, normal=0.6, distance=0.5, width=1e-4)
 NORMAL = np.array([np.cos(0.6), np.sin(0.6)])

@@ -1,0 +1,103 @@
+"""Every readable published quantity of the three source systems beside ours: one table.
+
+[T] by `tondu.py`, [H] by `jet_pipe.py`, [W] by `hysteresis.py`: their rows, with source and tolerance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import hysteresis
+import jax
+import jet_pipe
+import tondu
+from jet_pipe_rows import Row, line
+
+TONDU = (
+    ("largest force", "[T] 5", "1.3 N", "a and b were rounded to four digits"),
+    ("force of a 50 g", "[T] 5 and text", "above", "a bound"),
+    ("largest contraction", "[T] 5, 7", "5e-4", "the digits that are printed"),
+    ("contact surface", "[T] 13, 14", "0.01", "'about'"),
+    ("Schulte", "[T] 6", "1e-13", "identical up to rounding"),
+    ("isotonic contraction", "[T] 18", "0.1 to 1 s", "in words"),
+    ("contraction,", "[T] 18", "below 0.05", "in words"),
+    ("largest torque", "[T] text to 19", "0.3 N m", "'about'"),
+    ("joint range", "[T] text to 19", "0.1 rad", "the digits that are printed"),
+    ("K3", "[T] 19", "0.01", "'about'"),
+    ("joint 1", "[T] open loop", "0.05", "identified as second order, no number legible"),
+    ("joint 2", "[T] open loop", "0.05", "identified as second order, no number legible"),
+    ("damping ratios", "[T] open loop", "sign", "in words"),
+    ("mass of link", "[T] robot", "0.3 kg", "a scanned digit"),
+    ("feedforward", "[T] Cartesian tracking", "not more", "a bound that was measured"),
+)
+"""Beginning of a figure's name → where it was published, tolerance and its reason."""
+
+
+def tondu_rows() -> Iterator[Row]:
+    for part in tondu.PARTS:
+        for entry in part():
+            name = str(entry["figure"])
+            known = next((found for found in TONDU if name.startswith(found[0])), None)
+            source, tolerance, reason = known[1:] if known else ("[T]", "as its benchmark", "see tondu.py")
+            yield described(entry, source, tolerance, reason, str(entry["goal"]))
+
+
+def hysteresis_rows() -> Iterator[Row]:
+    def quiet(_: str) -> None:
+        """Its own tables are left to its own benchmark."""
+
+    for entry in hysteresis.loop_rows(quiet):
+        goal = f"{entry['published']:.4g}"
+        yield described(entry, "[W] section 2", f"at most {entry['goal']:g}", "measured loops there", goal)
+    jax.clear_caches()
+    for entry in hysteresis.minor_rows(quiet):
+        why = "[H] found Frame's rule no better than the mid-line; play operators should be several times"
+        yield described(entry, "[H] 3.2.2", f"at least {entry['goal']:g}", why, "not predicted")
+    jax.clear_caches()
+    for entry in hysteresis.compensation.rows(quiet):
+        goal = f"{entry['goal']:.4g}"
+        yield described(entry, "[W] 4.1", "not more", "another elbow, a PID as good", goal)
+
+
+def described(entry: dict[str, Any], source: str, tolerance: str, reason: str, published: str) -> Row:
+    """A row of another benchmark in the form of this table."""
+    kept = {"source": source, "quantity": entry["figure"], "published": published, "ours": entry["ours"],
+            "unit": entry.get("unit", ""), "tolerance": tolerance, "reason": reason,
+            "ok": bool(entry["ok"])}  # fmt: skip
+    return {**kept, "why": entry["why"]} if "why" in entry else kept
+
+
+def rows() -> Iterator[Row]:
+    """All rows, system by system."""
+    yield from tondu_rows()
+    jax.clear_caches()
+    yield from jet_pipe.rows()
+    jax.clear_caches()
+    yield from hysteresis_rows()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true", help="end with one line of JSON")
+    arguments = parser.parse_args()
+    begin, found = time.perf_counter(), []
+    for entry in rows():
+        found.append(entry)
+        print(line(entry), flush=True)
+    reached = sum(entry["ok"] for entry in found)
+    print(f"{reached} of {len(found)}")
+    if arguments.json:
+        print(json.dumps({"benchmark": "published", "rows": found, "reached": reached, "of": len(found),
+                          "machine": platform.processor() or platform.machine(),
+                          "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

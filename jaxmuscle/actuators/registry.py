@@ -1,0 +1,58 @@
+"""The rigs by name; a user's own joins them with :func:`register`."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TypeVar
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.driven import Driven
+from jaxmuscle.actuators.elbow import Elbow
+from jaxmuscle.actuators.isotonic import Isotonic
+from jaxmuscle.actuators.jetpipe import JetPipeActuator
+from jaxmuscle.actuators.jetpipe_piston import JetPipePiston
+from jaxmuscle.actuators.joint import Joint
+from jaxmuscle.errors import InputError, nearest
+
+Rig = TypeVar("Rig", bound=type[AbstractActuator])
+
+RIGS: dict[str, type[AbstractActuator]] = {
+    rig.rig: rig for rig in (Isotonic, Driven, Joint, JetPipeActuator, JetPipePiston, Elbow)
+}
+"""Name, as cards use it → class."""
+DECLARED = (
+    *("rig", "units", "quantities", "commands", "measured", "derivatives", "imposed", "outputs", "links"),
+    *("available", "largest_step"),
+)
+"""Class variables that a rig has to have; see :class:`AbstractActuator`."""
+
+
+def rig_named(name: str) -> type[AbstractActuator]:
+    """The class of a rig; `InputError` when no rig of that name is registered."""
+    if name not in RIGS:
+        raise InputError(
+            f"unknown rig {name!r}{nearest(name, RIGS)}. Is it your own? Then jaxmuscle.actuators.register it"
+        )
+    return RIGS[name]
+
+
+def register(rig: Rig) -> Rig:
+    """Make a rig known by its name, so that cards can name it and fits of it can be saved and loaded.
+
+    A class decorator. A fit in memory does not need it. Registering the same class again (a cell of a
+    notebook that is run twice) replaces it.
+
+    Raises:
+        InputError: a class variable is missing, something is still abstract, or the name is taken.
+    """
+    if missing := [name for name in DECLARED if not hasattr(rig, name)]:
+        raise InputError(f"{rig.__name__}: expected class variables {', '.join(missing)}; they are missing")
+    if inspect.isabstract(rig):
+        raise InputError(
+            f"{rig.__name__}: still abstract; define {', '.join(sorted(rig.__abstractmethods__))}"
+        )
+    taken = RIGS.get(rig.rig)
+    if taken is not None and (taken.__module__, taken.__qualname__) != (rig.__module__, rig.__qualname__):
+        raise InputError(f"{rig.__name__}: the name {rig.rig!r} is that of {taken.__name__}; choose another")
+    RIGS[rig.rig] = rig
+    return rig
