@@ -1,193 +1,91 @@
-"""Can the intervals of a fit be believed, do bad starts arrive, and how fast beside scipy.optimize?
+"""Can a fit be believed, do bad starts arrive, how fast beside scipy and CasADi, and with fifty parameters?
 
-Recordings come from the one-page oracles of the tests (plain NumPy, no code shared with the model): a muscle
-pulled by a test machine, with thread friction, and a muscle that lifts a mass.
+Recordings of every rig come from the one-page oracles of the tests (plain NumPy, no code shared with the
+model); the fits know nothing but them. Four questions, each a part that can be asked for by itself:
 
-    python benchmarks/fitting.py [--repeats 6] [--starts 8] [--json]
+    coverage     do the 95 % intervals hold the truth in 90 to 98 % of the repeats?
+    starts       do at least 95 % of the starts that are 50 % off reach the best minimum?
+    race         seconds to the same cost beside scipy.optimize.least_squares and CasADi, cold and warm
+    hysteresis   weights and thresholds of two muscles, fifty parameters, within 60 s?
+
+    python benchmarks/fitting.py [--only PART] [--repeats 100] [--starts 20] [--json]
+
+CasADi (`pip install casadi`) and gcc are needed by the race alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import platform
+import shutil
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterable
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
-import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.stats import binom
+Rows = Iterable[dict[str, Any]]
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from estimation.made import (  # pyright: ignore[reportMissingImports]
-    LIFT_TRUE,
-    TRUE,
-    lifted,
-    pulled,
-)
-from oracles import bench  # pyright: ignore[reportMissingImports]
+def coverage(arguments: argparse.Namespace) -> Rows:
+    from fitting_believed import believed
 
-import jaxmuscle as jm
-from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import Limits
-from jaxmuscle.estimation.layout import Asked, layout
-from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.slopes import residual_vector
-from jaxmuscle.estimation.spread import weighted
-from jaxmuscle.estimation.stations import station
-from jaxmuscle.recordings import Recording
+    return believed(arguments.repeats)
 
-THREADS = {f"effects.thread_friction.{name}": value for name, value in bench.THREADS.items()}
-CASES: dict[str, tuple[Callable[[int], Recording], dict[str, float]]] = {
-    "driven": (lambda seed: pulled(seed, threads=True), {**TRUE, **THREADS}),
-    "lift": (lambda seed: lifted(10.0, seed=seed), LIFT_TRUE),
+
+def starts(arguments: argparse.Namespace) -> Rows:
+    from fitting_believed import arrived
+
+    return arrived(arguments.starts)
+
+
+def race(arguments: argparse.Namespace) -> Rows:
+    if importlib.util.find_spec("casadi") is None or shutil.which("gcc") is None:
+        print("race: left out, it needs casadi (pip install casadi) and gcc", file=sys.stderr)
+        return []
+    from fitting_race import race
+
+    return race()
+
+
+def hysteresis(arguments: argparse.Namespace) -> Rows:
+    from fitting_hysteresis import fifty
+
+    return [fifty()]
+
+
+# The race first: nothing may be compiled before its cold runs.
+PARTS: dict[str, Callable[[argparse.Namespace], Rows]] = {
+    "race": race,
+    "hysteresis": hysteresis,
+    "coverage": coverage,
+    "starts": starts,
 }
-LEVEL = 0.95
-SURE = 0.99
-"""Coverage is called wrong when it would come out like that in fewer of 100 such benchmarks."""
-OFF = 0.5
-SAME = 1e-3
-"""Relative difference of two costs up to which they are the same."""
 
 
-def coverage(name: str, repeats: int) -> dict[str, Any]:
-    """Part of the 95 % intervals that hold the truth."""
-    make, true = CASES[name]
-    hits = []
-    for seed in range(repeats):
-        recording = make(seed)
-        priors = dict.fromkeys(true)
-        result = jm.fit(jm.actuator(recording.card), recording, list(true), priors=priors)
-        for parameter, value in true.items():
-            low, high = result.parameters[parameter].interval()
-            hits.append(low <= value <= high)
-    count, total = int(sum(hits)), len(hits)
-    least = int(binom.ppf(1 - SURE, total, LEVEL))
-    row = {
-        "figure": f"{name}: 95 % intervals that hold the truth",
-        "goal": f"at least {least} of {total}",
-        "ours": count / total,
-        "count": count,
-        "of": total,
-        "ok": count >= least,
-    }
-    return row if row["ok"] else {**row, "why": "the standard deviations are too small"}
-
-
-def arriving(name: str, starts: int) -> dict[str, Any]:
-    """Part of the starts, every parameter 50 % too small or too large, that reach the best minimum."""
-    make, true = CASES[name]
-    recording, rng = make(0), np.random.default_rng(1)
-    given = [{p: float(v * (1 + OFF * rng.choice([-1, 1]))) for p, v in true.items()} for _ in range(starts)]
-    result = jm.fit(
-        jm.actuator(recording.card), recording, list(true), priors=dict.fromkeys(true), starts=given
+def main() -> int:
+    """Run all parts, or one, and print a table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    reached = sum(start.reached for start in result.starts)
-    codes = [start.code for start in result.starts]
-    row = {
-        "figure": f"{name}: starts 50 % off that reach the best minimum",
-        "goal": "at least 0.9",
-        "ours": reached / starts,
-        "of": starts,
-        "ends": {code: codes.count(code) for code in dict.fromkeys(codes)},
-        "ok": reached / starts >= 0.9,
-    }
-    return row if row["ok"] else {**row, "why": "other minima, or places where no step lowers the cost"}
-
-
-def racing(name: str) -> list[dict[str, Any]]:
-    """Seconds to the same cost from the same start, on the same simulator, weights and priors.
-
-    Everything that the card calls uncertain is fitted; the lift is the sample that comes with the package.
-    """
-    recording = jm.read(jm.sample("lift")) if name == "lift" else CASES[name][0](0)
-    actuator = jm.actuator(recording.card)
-    unknowns = layout(actuator, [recording], [name], Asked())
-    objective = Objective([station(actuator, recording, name, None, {})], unknowns, Squares())
-    objective = weighted(objective, unknowns.coordinates(unknowns.start))
-    start = unknowns.coordinates(1.15 * unknowns.start)
-    rows = []
-    for state in ("cold", "warm"):
-        ours = _ours(objective, start)
-        theirs = _scipys(objective, start)
-        target = max(ours[-1][1], theirs[-1][1]) * (1 + SAME)
-        seconds = [next(t for t, cost in trace if cost <= target) for trace in (ours, theirs)]
-        row = {
-            "figure": f"{name}: seconds to the same cost, {state}",
-            "goal": "less than scipy.optimize.least_squares with finite differences",
-            "ours": seconds[0],
-            "scipy": seconds[1],
-            "final_costs": [ours[-1][1], theirs[-1][1]],
-            "ok": seconds[0] < seconds[1],
-        }
-        why = "compiling the derivatives takes longer than they save" if state == "cold" else "small problem"
-        rows.append(row if row["ok"] else {**row, "why": why})
-    return rows
-
-
-Trace = list[tuple[float, float]]
-
-
-def _ours(objective: Objective, start: NDArray[np.float64]) -> Trace:
-    begin, trace = time.perf_counter(), []
-    unknowns = objective.unknowns
-    limits = Limits(unknowns.lower, unknowns.upper, 60, 1, samples=objective.samples)
-    descend(
-        objective.at,
-        start[None],
-        limits,
-        tell=lambda course: trace.append((time.perf_counter() - begin, course.cost)),
+    parser.add_argument(
+        "--only", choices=PARTS, action="append", help="one part; may be given more than once"
     )
-    return trace
-
-
-@eqx.filter_jit
-def _values(theta, actuator, problem, paths):
-    return residual_vector(theta, actuator, problem, paths)
-
-
-def _scipys(objective: Objective, start: NDArray[np.float64]) -> Trace:
-    begin, trace = time.perf_counter(), []
-    unknowns, place = objective.unknowns, objective.stations[0]
-    paths = tuple(entry.place.path for entry in unknowns.entries)
-
-    def residuals(u: NDArray[np.float64]) -> NDArray[np.float64]:
-        r = np.asarray(_values(jnp.asarray(unknowns.values(u)), place.actuator, place.problem, paths))
-        whole = np.concatenate([r, unknowns.prior_residuals(u)])
-        cost = 0.5 * float(whole @ whole)
-        trace.append((time.perf_counter() - begin, min(cost, trace[-1][1] if trace else np.inf)))
-        return whole
-
-    least_squares(residuals, start, jac="2-point", x_scale="jac", method="trf")
-    return trace
-
-
-def main() -> None:
-    """Run everything and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=6, help="recordings for the coverage of each case")
-    parser.add_argument("--starts", type=int, default=8, help="starts that are 50 %% off")
+    parser.add_argument("--repeats", type=int, default=100, help="recordings of each rig for the coverage")
+    parser.add_argument("--starts", type=int, default=20, help="starts of each rig that are 50 %% off")
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     arguments = parser.parse_args()
     begin, rows = time.perf_counter(), []
-    for name in CASES:
-        # The race first, so that nothing is compiled before it.
-        rows += racing(name)
-        rows += [coverage(name, arguments.repeats), arriving(name, arguments.starts)]
-    for row in rows:
-        scipy = f"   scipy {row['scipy']:.3g} s" if "scipy" in row else ""
-        print(
-            f"{'ok  ' if row['ok'] else 'MISS'} {row['figure']:<58} {row['ours']:.3g}{scipy}"
-            f"   goal: {row['goal']}"
-        )
+    for name in arguments.only or PARTS:
+        for row in PARTS[name](arguments):
+            rows.append(row)
+            line = f"{'ok  ' if row['ok'] else 'MISS'} {row['figure']:64s} {row['ours']:8.3g}"
+            print(f"{line}   goal: {row['goal']}", flush=True)
+            if "why" in row:
+                print(f"       {row['why']}")
+            if isinstance(row.get("seconds"), dict):
+                print("       " + ", ".join(f"{who} {value:.3g} s" for who, value in row["seconds"].items()))
     if arguments.json:
         summary = {
             "benchmark": "fitting",
@@ -198,7 +96,8 @@ def main() -> None:
             "seconds": time.perf_counter() - begin,
         }
         print(json.dumps(summary))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -3,23 +3,26 @@
 Every number of a model is a float64 array leaf declared with :func:`parameter`. Nothing else in the
 package knows the concrete parameters: fitting, sweeps, cards and reports go through :func:`parameters`,
 :func:`get` and :func:`replace`, which address a leaf by its dotted path (``"muscle.end_factor"``,
-``"effects.creep.strength"``).
+``"effects.creep.strength"``), an entry of an array by its indices (``"hysteresis.weights[3]"``).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
 
 _REQUIRED = dataclasses.MISSING
+_INDEXED = re.compile(r"(?P<path>.+)\[(?P<index>[\d,]+)\]")
 Model = TypeVar("Model", bound=eqx.Module)
 
 
@@ -83,22 +86,58 @@ def describe(model: eqx.Module) -> pd.DataFrame:
 
 def get(model: eqx.Module, path: str) -> Any:
     """The value at a dotted path; `KeyError` names the path when there is none."""
+    leaf, index = split_index(path)
     node: Any = model
-    for name in path.split("."):
+    for name in leaf.split("."):
         node = _child(node, name, path)
-    return node
+    if index is None:
+        return node
+    if len(index) != jnp.ndim(node) or any(i >= n for i, n in zip(index, jnp.shape(node), strict=True)):
+        raise KeyError(f"no parameter {path!r}: {leaf} has shape {jnp.shape(node)}")
+    return node[index]
+
+
+def split_index(path: str) -> tuple[str, tuple[int, ...] | None]:
+    """``"a.b[1,2]"`` as ``("a.b", (1, 2))``; `None` for a whole leaf."""
+    found = _INDEXED.fullmatch(path)
+    if found is None:
+        return path, None
+    return found["path"], tuple(int(i) for i in found["index"].split(","))
+
+
+def entries_of(path: str, value: Any) -> list[str]:
+    """The paths of all entries of an array at a path; the path itself for a single number."""
+    if jnp.ndim(value) == 0:
+        return [path]
+    return [f"{path}[{','.join(map(str, index))}]" for index in np.ndindex(*jnp.shape(value))]
 
 
 def replace(model: Model, values: Mapping[str, Any]) -> Model:
-    """A copy of `model` with the leaves at the given dotted paths replaced."""
+    """A copy of `model` with the leaves, or the entries of arrays, at the given dotted paths replaced."""
     for path in values:
         get(model, path)
+    values = _whole_leaves(model, values)
     paths = list(values)
     return eqx.tree_at(
         lambda m: [get(m, path) for path in paths],
         model,
         [jnp.asarray(values[path], dtype=float) for path in paths],
     )
+
+
+def _whole_leaves(model: eqx.Module, values: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` with the entries of each array put together."""
+    whole = {path: value for path, value in values.items() if split_index(path)[1] is None}
+    parts: dict[str, dict[tuple[int, ...], Any]] = {}
+    for path in values:
+        leaf, index = split_index(path)
+        if index is not None:
+            parts.setdefault(leaf, {})[index] = values[path]
+    for leaf, entries in parts.items():
+        at = tuple(jnp.asarray(axis) for axis in zip(*entries, strict=True))
+        base = jnp.asarray(whole.get(leaf, get(model, leaf)), dtype=float)
+        whole[leaf] = base.at[at].set(jnp.stack([jnp.asarray(v, dtype=float) for v in entries.values()]))
+    return whole
 
 
 def _child(node: Any, name: str, path: str) -> Any:

@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pint
@@ -12,7 +13,7 @@ from oracles import bench
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import BY_NAME, CATALOGUE
-from jaxmuscle.parameters import describe, get, parameter, parameters, replace
+from jaxmuscle.parameters import describe, entries_of, get, parameter, parameters, replace
 from jaxmuscle.signals import SLOTS
 
 UNITS = pint.UnitRegistry()
@@ -98,7 +99,7 @@ def test_every_parameter_has_a_unit_and_a_meaning(rig, entry):
 def test_units_depend_on_the_rig(rig):
     entries = parameters(FULL[rig])
     if "effects.load_friction.force" in entries:
-        expected = {"isotonic": "newton", "joint": "newton * meter"}[rig]
+        expected = {"isotonic": "newton", "jet-pipe-piston": "newton", "joint": "newton * meter"}[rig]
         assert UNITS.parse_units(entries["effects.load_friction.force"].unit) == UNITS.parse_units(expected)
 
 
@@ -138,3 +139,25 @@ def test_with_and_without_effects(rig):
     carrying = bare.with_effects(**{name: BY_NAME[name](**{})})
     assert list(carrying.effects) == [name] and not bare.effects
     assert eqx.tree_equal(carrying.without_effects(name), bare)
+
+
+class Weighted(eqx.Module):
+    """A model with an array."""
+
+    weights: jax.Array = parameter("N", "a table")
+
+
+def test_entries_of_an_array_are_read_and_replaced():
+    model = Weighted(np.arange(6.0).reshape(2, 3))  # pyright: ignore[reportArgumentType]
+    assert entries_of("weights", model.weights)[-1] == "weights[1,2]"
+    assert float(get(model, "weights[1,0]")) == 3.0
+    changed = replace(model, {"weights[1,0]": 30.0, "weights[0,2]": -2.0})
+    np.testing.assert_array_equal(changed.weights, [[0, 1, -2], [30, 4, 5]])
+    # A whole array and one of its entries: the entry counts.
+    both = replace(model, {"weights[0,0]": 9.0, "weights": np.ones((2, 3))})
+    np.testing.assert_array_equal(both.weights, [[9, 1, 1], [1, 1, 1]])
+    slope = jax.jacfwd(lambda x: replace(model, {"weights[0,1]": x}).weights.sum())(2.0)
+    assert float(slope) == 1.0
+    for wrong in ("weights[2,0]", "weights[1]"):
+        with pytest.raises(KeyError, match=r"weights has shape \(2, 3\)"):
+            get(model, wrong)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance, covariance
-from jaxmuscle.estimation.descent import NEAR
 from jaxmuscle.estimation.fitted import Fitted, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
 from jaxmuscle.estimation.lane import FAILED
@@ -29,8 +28,9 @@ from jaxmuscle.parameters import replace
 
 AT_BOUND = 1e-9
 """Distance from a bound, relative to 1 and to the bound, up to which a value is at it."""
-ALIKE = 20.0
-"""Distance of two costs, in what a descent counts as near, up to which two starts reached one minimum."""
+ALIKE = 0.5
+"""Distance of two costs per mean square residual up to which two starts reached one minimum: of points that
+far apart in cost the data cannot tell which is nearer to the truth."""
 
 
 def conclude(
@@ -75,7 +75,7 @@ def conclude(
         idle=idle,
         tests=residual_tests(lines, labels, inputs),
         noise=noise_table(objective, lines, sure),
-        predictions=predictions(objective, u, machines, lines),
+        predictions=predictions(objective, u, machines, lines, sure),
         cards={station.label: station.recording.card for station in objective.stations},
         settings=settings,
         iterations=found.iterations,
@@ -181,7 +181,7 @@ def _outcomes(found: Found) -> tuple[StartOutcome, ...]:
             lane.code,
             lane.reason,
             lane.steps,
-            lane.code != FAILED and lane.cost - found.best.cost <= ALIKE * NEAR * scale,
+            lane.code != FAILED and lane.cost - found.best.cost <= ALIKE * scale,
         )
         for point, lane in zip(found.points, found.lanes, strict=True)
     )

@@ -21,12 +21,13 @@ ACROSS = 3
 def plot(result: FitData, recording: str | int = 0) -> Figure:
     """The figure of one recording; shown by a notebook, or saved with ``savefig``.
 
-    A row for each column: measured and fitted over time, the residual below it, and beside them the
+    A row for each column: measured and fitted over time with its 95 % band, the residual below it, and
+    beside them the
     residual's autocorrelation with its 99 % band; then the profiles with their 95 % level.
     """
     label = list(result.cards)[number_of(result, recording)]
     table = result.predictions[label]
-    columns = [name for name in table.columns if not name.endswith((" fitted", " predicted"))]
+    columns = [name for name in table.columns if not name.endswith((" fitted", " std", " predicted"))]
     rows, curves = len(columns), list(result.profiles)
     below = math.ceil(len(curves) / ACROSS)
     figure = Figure(figsize=(10.0, 3.4 * rows + 2.4 * below), layout="constrained")
@@ -55,6 +56,8 @@ def _column(above: Axes, beneath: Axes, result: FitData, label: str, column: str
     measured, fitted = table[column].to_numpy(), table[f"{column} fitted"].to_numpy()
     above.plot(time, measured, color=INK, linewidth=1.4, label="measured")
     above.plot(time, fitted, color=FIT, linewidth=1.0, label="fitted")
+    reach = QUANTILE * table[f"{column} std"].to_numpy()
+    above.fill_between(time, fitted - reach, fitted + reach, color=FIT, alpha=0.2, linewidth=0, label="95 %")
     above.set_ylabel(f"{column} [{noise.unit or '-'}]")
     above.legend(frameon=False, fontsize=8)
     beneath.plot(time, fitted - measured, color=FIT, linewidth=0.7)

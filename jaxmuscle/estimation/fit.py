@@ -17,7 +17,7 @@ from jaxmuscle.estimation.lane import Course
 from jaxmuscle.estimation.layout import Asked, Bounds, PriorLike, layout
 from jaxmuscle.estimation.losses import Loss, loss_named
 from jaxmuscle.estimation.missing import Mask
-from jaxmuscle.estimation.names import columns, places, resolve
+from jaxmuscle.estimation.names import columns, expanded, places, resolve
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
@@ -55,15 +55,19 @@ def fit(
     """Fit parameters of a machine and of the sensors to one or more recordings of its rig.
 
     Every recording is cut into windows of its card's horizon and each link of the chain predicts its output
-    from its measured inputs, as in a diagnosis. Starts are first brought down on quarters of a window, where
-    the cost is smooth, then on whole windows, with weights that allow for what the smoothed measured states
-    leave uncertain. A known quantity on which the cards differ is each recording's own.
+    from its measured inputs, as in a diagnosis. Starts are first brought down on short parts of a window,
+    where the cost is smooth, then on longer ones and on whole windows, with weights that allow for what the
+    smoothed measured states leave uncertain. The error of the solver's steps is taken off where it matters.
+    A known quantity on which the cards differ is each recording's own. The class of the actuator may be the
+    user's own.
 
     Args:
         actuator: the machine; what is not free stays as it is there.
-        recordings: as :func:`jaxmuscle.read` gives them; readings that are missing may be NaN.
-        free: names of what is fitted: card quantities, paths, ``offset.COLUMN``; what the cards call
-            uncertain when `None`. Names in `shared` and `per_recording` are free too.
+        recordings: as :func:`jaxmuscle.read` or :func:`jaxmuscle.recording` gives them; missing readings
+            may be NaN.
+        free: names of what is fitted: card quantities, paths, ``offset.COLUMN``, arrays (all their entries)
+            and entries of arrays (``weights[3]``); what the cards call uncertain when `None`. Names in
+            `shared` and `per_recording` are free too.
         priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
         masks: rows that are bad: for one recording a boolean array or column → array; for several a
@@ -96,7 +100,7 @@ def fit(
     asked = Asked(free, tuple(shared), tuple(per_recording), dict(priors or {}), dict(bounds or {}))
     unknowns = layout(actuator, given, names, asked)
     known = places(actuator, {})
-    wanted = [resolve(known, name, "profiles").name for name in profiles]
+    wanted = [p.name for name in profiles for p in expanded(known, resolve(known, name, "profiles"))]
     levels = {} if isinstance(noise, str) or noise is None else _checked(actuator, noise)
     if isinstance(noise, str) and noise != ESTIMATED:
         raise InputError(f"noise: expected {ESTIMATED!r} or a mapping of columns to values; got {noise!r}")

@@ -11,7 +11,7 @@ import numpy as np
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import agreed_prior, card_entry
-from jaxmuscle.estimation.names import Place, columns, places, resolve
+from jaxmuscle.estimation.names import Place, columns, expanded, places, resolve
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
 from jaxmuscle.fitting.free import Prior
 from jaxmuscle.recordings.recording import Recording
@@ -55,8 +55,10 @@ def layout(
             "nothing is free: the cards call no quantity uncertain and free= names none; "
             "give a quantity a std on its card, or name it: free=['end_factor']"
         )
-    if arrays := [place.name for place in chosen.values() if math.isnan(place.value)]:
-        raise InputError(f"free: {arrays[0]!r} is not a single number; only single numbers can be fitted")
+    if nothing := [place.name for place in chosen.values() if math.isnan(place.value)]:
+        raise InputError(
+            f"free: {nothing[0]!r} is not a number (NaN) in the machine; give it a value to start at"
+        )
     priors = _named(known, chosen, asked.priors, "priors", _prior)
     bounds = _named(known, chosen, asked.bounds, "bounds", _bounds)
     entries = []
@@ -116,7 +118,7 @@ def _declared(known: Mapping[str, Place], recordings: Sequence[Recording]) -> di
 def _resolved(known: Mapping[str, Place], names: Iterable[str], where: str) -> dict[str, Place]:
     if isinstance(names, str):
         raise InputError(f"{where}: expected a list of names; got the text {names!r}")
-    found = [resolve(known, name, where) for name in names]
+    found = [place for name in names for place in expanded(known, resolve(known, name, where))]
     return {place.name: place for place in found}
 
 
@@ -124,13 +126,17 @@ def _named(known, chosen, given, where, read) -> dict:
     """Entries of `given` by the names of their places, each read; they must be free, and given once."""
     found = {}
     for written, entry in given.items():
-        name = resolve(known, written, where).name
-        if name not in chosen:
-            raise InputError(f"{where}: {written!r} is not free; add it to free= or leave it out of {where}=")
         value = read(entry, f"{where}[{written!r}]")
-        if name in found and found[name] != value:
-            raise InputError(f"{where}: {name!r} is given twice, as {found[name]} and as {value}; keep one")
-        found[name] = value
+        # Of an array that is given as a whole, entries that are not free may stay as they are.
+        names = [p.name for p in expanded(known, resolve(known, written, where)) if p.name in chosen]
+        if not names:
+            raise InputError(f"{where}: {written!r} is not free; add it to free= or leave it out of {where}=")
+        for name in names:
+            if name in found and found[name] != value:
+                raise InputError(
+                    f"{where}: {name!r} is given twice, as {found[name]} and as {value}; keep one"
+                )
+            found[name] = value
     return found
 
 

@@ -6,10 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 
 import jax.numpy as jnp
+import numpy as np
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameters import Parameter, parameters
+from jaxmuscle.parameters import Parameter, entries_of, get, parameters
 from jaxmuscle.recordings.units import column_unit
 
 OFFSET = "offset."
@@ -25,6 +26,7 @@ class Place:
         path: where it is in the machine; ``offset.COLUMN`` for the offset of a column.
         value: its value in the machine (SI); 0 for an offset.
         typical: natural size (SI) of one whose value is zero, when it is known.
+        shape: of a whole array, which is fitted entry by entry; its `value` is NaN.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Place:
     positive: bool = False
     nonnegative: bool = False
     typical: float | None = None
+    shape: tuple[int, ...] = ()
 
     @property
     def column(self) -> str | None:
@@ -46,7 +49,8 @@ def places(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str,
     """Everything that can be fitted, by every name that it goes by.
 
     A quantity of the card goes by its name there and by its path, a parameter of an effect by its path
-    with or without the leading ``effects.``, a sensor's offset by ``offset.COLUMN``.
+    with or without the leading ``effects.``, an entry of an array by the array's name and its indices, a
+    sensor's offset by ``offset.COLUMN``.
 
     Args:
         ranges: measured column → range of its samples (SI), the natural size of its offset is 1 % of it.
@@ -54,10 +58,12 @@ def places(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str,
     by_path = {path: name for name, path in actuator.quantities.items()}
     found: dict[str, Place] = {}
     for path, entry in parameters(actuator).items():
-        place = _place(entry, by_path.get(path, path))
-        found[path] = found[place.name] = place
-        if path.startswith("effects."):
-            found.setdefault(path.removeprefix("effects."), place)
+        for own in dict.fromkeys((path, *entries_of(path, entry.value))):
+            whole = dataclasses.replace(entry, path=own, value=get(actuator, own))
+            place = _place(whole, by_path.get(own, own))
+            found[own] = found[place.name] = place
+            if own.startswith("effects."):
+                found.setdefault(own.removeprefix("effects."), place)
     for column in columns(actuator):
         name, unit = OFFSET + column, column_unit(column, actuator.units.get("command"))
         size = 0.01 * ranges.get(column, 0.0) or None
@@ -88,9 +94,15 @@ def resolve(known: Mapping[str, Place], name: str, where: str) -> Place:
     raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, known)}")
 
 
+def expanded(known: Mapping[str, Place], place: Place) -> list[Place]:
+    """The place itself, or the places of all entries of an array."""
+    if place.shape == ():
+        return [place]
+    return [known[path] for path in entries_of(place.path, np.empty(place.shape))]
+
+
 def _place(entry: Parameter, name: str) -> Place:
-    scalar = jnp.ndim(entry.value) == 0
-    value = float(entry.value) if scalar else float("nan")
-    return Place(
-        name, entry.path, value, entry.unit, entry.meaning, entry.positive, entry.nonnegative, entry.typical
-    )
+    shape = jnp.shape(entry.value)
+    value = float(entry.value) if shape == () else float("nan")
+    how = (entry.positive, entry.nonnegative, entry.typical)
+    return Place(name, entry.path, value, entry.unit, entry.meaning, *how, shape)

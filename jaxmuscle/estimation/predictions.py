@@ -29,11 +29,14 @@ def predictions(
     u: NDArray[np.float64],
     machines: Sequence[AbstractActuator],
     lines: Sequence[Series],
+    sure: Covariance,
 ) -> dict[str, pd.DataFrame]:
-    """Recording → table over time of every output's column: measured, fitted, predicted.
+    """Recording → table over time of every output's column: measured, fitted, its deviation, predicted.
 
     ``fitted`` comes from the links, each with its measured inputs; ``predicted`` from the command alone,
-    window by window. Both as the sensor shows it, offset included.
+    window by window. Both as the sensor shows it, offset included. ``std`` is what a reading is expected to
+    deviate from ``fitted`` by: the parameters' uncertainty, that of the states where windows begin, and
+    the sensor's noise, or the size of the residuals where that is larger.
     """
     found = {}
     for number, station in enumerate(objective.stations):
@@ -54,17 +57,28 @@ def predictions(
             position, offset = names.index(line.column), offsets.get(OFFSET + line.column, 0.0)
             weights = _column(station.problem.weights[line.output], position, len(names))
             flat = _column(chain[line.output], position, len(names))
-            predicted, fitted = (np.full(len(recording), np.nan) for _ in range(2))
+            predicted, fitted, std = (np.full(len(recording), np.nan) for _ in range(3))
             inside = weights > 0
             predicted[at[inside]] = flat[inside] + offset
             scale = np.full(len(recording), np.nan)
             scale[at[inside]] = weights[inside]
             measured = recording.columns[line.column]
             fitted[line.counts] = measured[line.counts] + line.residual[line.counts] / scale[line.counts]
-            table |= {line.column: measured}
-            table |= {f"{line.column} fitted": fitted, f"{line.column} predicted": predicted}
+            std[line.counts] = _deviation(line, sure) / scale[line.counts]
+            table |= {line.column: measured, f"{line.column} fitted": fitted, f"{line.column} std": std}
+            table |= {f"{line.column} predicted": predicted}
         found[station.label] = pd.DataFrame(table, index=pd.Index(recording.time, name="time"))
     return found
+
+
+def _deviation(line: Series, sure: Covariance) -> NDArray[np.float64]:
+    """Standard deviation of the readings that count about the fitted values, in units of their weights."""
+    # Along what the data leave open the predictions do not change.
+    std = np.where(np.isfinite(sure.std), sure.std, 0.0)
+    slopes = line.slopes[:, line.counts] * std[:, None]
+    own = np.einsum("in,ij,jn->n", slopes, sure.correlations, slopes)
+    residual = float(np.mean(line.residual[line.counts] ** 2)) if line.counts.any() else 1.0
+    return np.sqrt(np.maximum(own, 0.0) + max(1.0, residual))
 
 
 def noise_table(

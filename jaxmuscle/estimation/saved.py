@@ -142,7 +142,8 @@ def _written_machine(actuator: AbstractActuator) -> dict[str, Any]:
     if RIGS.get(actuator.rig) is not type(actuator) or not set(actuator.effects) <= set(BY_NAME):
         raise InputError(
             f"a machine of type {type(actuator).__name__} with effects {', '.join(actuator.effects) or '-'} "
-            f"cannot be saved: only the rigs and effects of the package have names in a file"
+            f"cannot be saved: only registered rigs (jaxmuscle.actuators.register) and the effects of the "
+            f"package have names in a file"
         )
     values = {path: np.asarray(entry.value).tolist() for path, entry in parameters(actuator).items()}
     return {"rig": actuator.rig, "values": _plain(values), "effects": list(actuator.effects)}
@@ -150,7 +151,9 @@ def _written_machine(actuator: AbstractActuator) -> dict[str, Any]:
 
 def _machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
     if data["rig"] not in RIGS:
-        raise InputError(f"{file}: rig {data['rig']!r} is unknown to this version of jaxmuscle")
+        raise InputError(
+            f"{file}: rig {data['rig']!r} is unknown; if it is your own, import and register it first"
+        )
     values: dict[str, Any] = dict(data["values"])
     effects = {}
     for name in data["effects"]:

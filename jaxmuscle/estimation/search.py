@@ -1,4 +1,4 @@
-"""From the starts to the best minimum: quarters of windows, whole windows, weights."""
+"""From the starts to the best minimum: parts of windows, whole windows, weights, the solver's error."""
 
 from __future__ import annotations
 
@@ -13,12 +13,20 @@ from numpy.typing import NDArray
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits, best
+from jaxmuscle.estimation.noise import with_estimated_noise
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.refined import refined
 from jaxmuscle.estimation.spread import weighted
 from jaxmuscle.estimation.stations import in_parts
 
-PARTS = 4
-"""Parts of a window on which starts are brought down first."""
+PARTS = (40, 16, 4)
+"""Parts of a window on which starts are brought down first, one after the other.
+
+In a fortieth of a window an error has little time to grow: the cost is nearly that of the accelerations,
+which has hardly a minimum but one. Each longer part is begun within reach of its minimum.
+"""
+SHORTEST_PART = 4
+"""Samples in a part at least."""
 MOST_LANES = 8
 """Starts under way at a time."""
 MOST_NUMBERS = 4e7
@@ -66,14 +74,24 @@ def search(task: Search) -> Found:
     objective, counted = task.objective, _Counter(task.tell)
     limits = _limits(task)
     begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
-    parts = dataclasses.replace(objective, stations=in_parts(begun.stations, PARTS))
     now = time.monotonic()
     first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
-    lanes = descend(parts.at, task.points, first, tell=counted.on("parts of windows"))
+    lanes: list[Lane] = []
+    for many in _levels(objective):
+        parts = dataclasses.replace(objective, stations=in_parts(begun.stations, many))
+        points, failed = _ends(lanes) if lanes else (task.points, {})
+        if lanes and (_winner(lanes).code == BUDGET or time.monotonic() > first.deadline):
+            break
+        lanes = _descend_distinct(parts, points, failed, first, counted.on(f"windows in {many} parts"))
     objective = weighted(objective, _winner(lanes).u)
     points, failed = _ends(lanes)
     lanes = _descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
     winner = _winner(lanes)
+    sharper = refined(objective, winner.u, limits.lanes) if time.monotonic() < task.deadline else objective
+    if sharper is not objective:
+        objective, (points, failed) = sharper, _ends(lanes)
+        lanes = _descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
+        winner = _winner(lanes)
     for _ in range(ROUNDS if task.estimate else 0):
         objective = with_estimated_noise(objective, winner.u, limits.lanes)
         points, failed = _ends(lanes)
@@ -83,6 +101,12 @@ def search(task: Search) -> Found:
         lanes = _descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
         winner = _winner(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _levels(objective: Objective) -> list[int]:
+    """Numbers of parts in which windows are fitted before they are whole."""
+    shortest = min(station.period for station in objective.stations)
+    return [many for many in PARTS[:-1] if shortest >= SHORTEST_PART * many] + [PARTS[-1]]
 
 
 def _ends(lanes: Sequence[Lane]) -> tuple[Float[NDArray, "starts k"], dict[int, Lane]]:
@@ -143,27 +167,3 @@ def _winner(lanes: Sequence[Lane]) -> Lane:
     raise InputError(
         f"{many}: {counted}. Check the values and units on the card, narrow the priors, or set bounds"
     )
-
-
-def with_estimated_noise(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objective:
-    """With the noise of each column as the size of its residuals at u, over all recordings.
-
-    The root of the mean weighted square, residuals weighted as the loss does, which for squares is the
-    maximum-likelihood estimate.
-    """
-    sums: dict[str, NDArray] = {}
-    counts: dict[str, NDArray] = {}
-    for number, station in enumerate(objective.stations):
-        r, begin = objective.residuals(number, np.stack([u] * lanes))[0][0], 0
-        for link in station.actuator.links:
-            w = np.asarray(station.problem.weights[link.output])
-            part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)
-            begin += w.size
-            inside = (w > 0).reshape(part.shape)
-            squares = (objective.loss.weight(part) * part**2 * inside).sum(axis=(0, 1))
-            mass = (objective.loss.weight(part) * inside).sum(axis=(0, 1))
-            sums[link.output] = sums.get(link.output, 0.0) + squares
-            counts[link.output] = counts.get(link.output, 0.0) + mass
-    factors = {out: 1 / np.sqrt(np.maximum(sums[out] / counts[out], 1e-12)) for out in sums}
-    stations = [station.reweighted(factors) for station in objective.stations]
-    return dataclasses.replace(objective, stations=stations)

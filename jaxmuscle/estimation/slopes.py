@@ -37,11 +37,19 @@ def moved(
 
 
 def residual_vector(
-    theta: Float[Array, " values"], actuator: AbstractActuator, problem: Problem, paths: Sequence[str]
+    theta: Float[Array, " values"],
+    actuator: AbstractActuator,
+    problem: Problem,
+    paths: Sequence[str],
+    substeps: int | Array | None = None,
 ) -> Float[Array, " residuals"]:
-    """Weighted residuals of all links, one after the other; what is not a number is left as it is."""
+    """Weighted residuals of all links, one after the other; what is not a number is left as it is.
+
+    Args:
+        substeps: solver steps between two samples; the problem's when `None`.
+    """
     machine, shifted = moved(actuator, problem, paths, [theta[i] for i in range(len(paths))])
-    predicted = link_predictions(machine, shifted)
+    predicted = link_predictions(machine, shifted, substeps, packed=False)
 
     def weighted(output: str) -> Array:
         weight = shifted.weights[output]

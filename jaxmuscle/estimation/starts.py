@@ -26,14 +26,13 @@ def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[NDArray, "
     own = unknowns.coordinates(unknowns.start)
     if count == 1:
         return own[None]
-    relative = np.array(
-        [e.scale / abs(e.prior.mean if e.prior else e.start or e.scale) for e in unknowns.entries]
-    )
-    means = unknowns.coordinates(np.array([e.prior.mean if e.prior else e.start for e in unknowns.entries]))
+    middles = np.array([e.prior.mean if e.prior else e.start for e in unknowns.entries])
+    means = unknowns.coordinates(middles)
     rng = np.random.default_rng(seed)
     shares = np.stack([rng.permutation(count - 1) for _ in unknowns.entries], axis=-1)
     uniform = (shares + rng.random(shares.shape)) / (count - 1)
-    sizes = np.where(unknowns.logarithmic, relative, 1.0)
+    # Of what may be zero or negative a coordinate is one scale already.
+    sizes = np.where(unknowns.logarithmic, unknowns.scale / np.where(middles == 0, 1.0, middles), 1.0)
     drawn = means + sizes * ndtri(uniform)
     return np.vstack([own, _within(unknowns, drawn)])
 

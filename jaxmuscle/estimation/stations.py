@@ -73,7 +73,7 @@ def station(
     """
     found = usable(actuator, recording, mask)
     card = dataclasses.replace(recording.card, noise={**recording.card.noise, **noise})
-    prepared = case(dataclasses.replace(found.recording, card=card), found.cut)
+    prepared = case(dataclasses.replace(found.recording, card=card), found.cut, actuator=actuator)
     problem = prepared.training
     inside = np.minimum(np.asarray(problem.rows)[:, None] + np.arange(problem.samples), len(recording) - 1)
     counts = {

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators import rig_named
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects import BY_NAME
 from jaxmuscle.effects.base import AbstractEffect
@@ -97,7 +97,7 @@ class Card:
             ValueError: an estimate that could not be read back: not finite, or a standard deviation that
                 is not positive.
         """
-        rig = RIGS[self.rig]
+        rig = rig_named(self.rig)
         known, uncertain, declared = dict(self.known), dict(self.uncertain), dict(self.effects)
         for name, estimate in (values or {}).items():
             quantity = _estimated(name, self.quantities.get(name), schema.quantities(rig), estimate)
@@ -115,7 +115,7 @@ class Card:
 
     def to_toml(self) -> str:
         """The card as TOML, in the units in which it was written; it reads back as an equal card."""
-        rig, ambient = RIGS[self.rig], self.ambient_pressure
+        rig, ambient = rig_named(self.rig), self.ambient_pressure
         needs, columns = schema.quantities(rig), schema.columns(rig)
 
         def written(quantities: Mapping[str, Quantity], needs: Mapping[str, Need]) -> dict[str, Any]:
@@ -139,8 +139,12 @@ class Card:
 
 
 def actuator_from_card(card: Card) -> AbstractActuator:
-    """The machine that a card describes, with the effects that it declares."""
-    rig = RIGS[card.rig]
+    """The machine that a card describes, with the effects that it declares.
+
+    Raises:
+        InputError: the card is of a rig that is not registered.
+    """
+    rig = rig_named(card.rig)
     values = {rig.quantities[name]: quantity.value for name, quantity in card.quantities.items()}
     effects = {name: _effect(name, parameters) for name, parameters in card.effects.items()}
     return schema.build(rig, values, effects)

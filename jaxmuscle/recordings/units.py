@@ -21,6 +21,7 @@ STANDARD_ATMOSPHERE = 101325.0
 COLUMN_UNITS = {
     "time": "s",
     "pressure": "Pa",
+    "supply_pressure": "Pa",
     "position": "m",
     "angle": "rad",
     "force": "N",
@@ -47,7 +48,9 @@ KINDS = {
     "kg m^2": ("a moment of inertia", "kg m^2"),
     "N s/m": ("a damping", "N s/m"),
     "N m s/rad": ("a damping", "N m s/rad"),
+    "N/m": ("a stiffness", "N/mm"),
     "m/N": ("a compliance", "mm/N"),
+    "W/K": ("a conductance of heat", "W/K"),
     "A/V": ("a gain of a current driver", "A/V"),
     "": ("a plain number", ""),
 }
@@ -77,9 +80,18 @@ Value = TypeVar("Value", float, Series)
 
 
 def column_unit(quantity: str, command_unit: str | None) -> str:
-    """SI unit of a column of a recording; `command_unit` is that of the rig's command."""
+    """SI unit of a column of a recording; `command_unit` is that of the rig's command.
+
+    Raises:
+        InputError: a rig has a column of another kind.
+    """
     stem = quantity.rstrip("0123456789").removesuffix("_")
-    return command_unit if stem == "command" and command_unit else COLUMN_UNITS[stem]
+    if stem == "command" and command_unit:
+        return command_unit
+    if stem not in COLUMN_UNITS:
+        kinds = ", ".join(("command", *COLUMN_UNITS))
+        raise InputError(f"column {quantity!r}: expected one of {kinds}, or such with a number: {stem}_1")
+    return COLUMN_UNITS[stem]
 
 
 def to_si(value: Value, unit: str, si: str) -> Value:

@@ -136,6 +136,7 @@ def test_two_recordings_with_an_offset_each():
     assert result.std["end_factor"] < alone.std["end_factor"]
 
 
+@pytest.mark.slow
 def test_two_loads_share_a_muscle_and_a_valve():
     """Each recording's card says its own mass; an offset of the starts by a fifth is no matter."""
     light, heavy = lifted(8.0, off=0.8), lifted(14.0, seed=1, samples=700, off=0.8)
@@ -249,6 +250,17 @@ def test_correlations_and_covariance(result):
     covariance = result.covariance
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), list(result.std.values()), rtol=1e-12)
     assert np.linalg.eigvalsh(table.to_numpy()).min() > 0
+
+
+def test_readings_lie_in_the_band(recording, result):
+    """95 % of them, on the data that were fitted and on another draw of the noise."""
+    other = pulled(seed=9)
+    table = result.predictions["pull"]
+    for force in (recording.columns["force"], other.columns["force"]):
+        off = np.abs(force - table["force fitted"]) / table["force std"]
+        assert 0.93 < (off < 1.96).mean() < 0.985
+    # Where the parameters are uncertain too, the band is wider than the sensor's noise.
+    assert table["force std"].min() > NOISE and table["force std"].max() < 1.2 * NOISE
 
 
 def test_residuals_of_the_true_model_are_white_and_independent(result):

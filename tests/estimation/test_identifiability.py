@@ -181,6 +181,13 @@ def test_starts_fill_the_prior_evenly():
     assert not np.array_equal(points, spread_starts(vector, 11, seed=1))
 
 
+def test_starts_about_a_prior_of_mean_zero():
+    place = Place("shift", "shift", 0.0, "m", "")
+    vector = Unknowns([Unknown("shift", place, (0,), 0.0, -np.inf, np.inf, 2e-3, Prior(0.0, 2e-3))])
+    values = vector.values(spread_starts(vector, 101, seed=0))[1:, 0]
+    assert values.mean() == pytest.approx(0.0, abs=2e-4) and values.std() == pytest.approx(2e-3, rel=0.1)
+
+
 def test_starts_keep_within_bounds():
     vector = two(Prior(2e-6, 2e-6), upper=2.5e-6)
     values = vector.values(spread_starts(vector, 40, seed=0))[:, 0]

@@ -1,0 +1,147 @@
+"""Episodes of the MPI arm, instants from which its joints are predicted, and predictors of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+import jaxmuscle as jm
+from jaxmuscle.actuators import AbstractActuator
+from jaxmuscle.simulation import Start, Track, predict
+
+Array = NDArray[np.float64]
+
+STEP, AHEAD, PAST = 0.01, 10, 4
+"""Sampling step [s]; samples ahead; samples up to now that tell the velocity."""
+AMBIENT, FULL = 101325.0, 3e5
+"""Normalised pressures from 0 to 1 are taken as 0 to 3 bar gauge [Pa]; the muscles' sizes take the rest."""
+EVERY = 4
+"""Of the instants one in so many is used."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Arm:
+    """All joints: angles [rad], pressures [Pa, absolute], first and last row of every episode."""
+
+    angle: Array
+    pressure: Array
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+    @property
+    def split(self) -> int:
+        """The first held-out episode."""
+        return int(0.8 * len(self.first))
+
+    @property
+    def training(self) -> range:
+        """Episodes that may be fitted; one in three is enough for a linear model."""
+        return range(0, self.split, 3)
+
+    @property
+    def held_out(self) -> range:
+        """Episodes that no fit sees."""
+        return range(self.split, len(self.first))
+
+
+@dataclasses.dataclass(frozen=True)
+class Instants:
+    """Moments with what is known then: the last angles (newest first), pressures from now on; the truth."""
+
+    past: Array
+    pressure: Array
+    before: Array
+    then: Array
+
+    @property
+    def now(self) -> Array:
+        """The angle now."""
+        return self.past[:, 0]
+
+
+def load() -> Arm | None:
+    """The data in the folder named by JAXMUSCLE_DATA, or in ../shared/real beside the project."""
+    for place in (os.environ.get("JAXMUSCLE_DATA"), Path(__file__).parents[2] / "shared" / "real"):
+        file = Path(place or "") / "mpi_pam_arm" / "pam_arm_100Hz.npz"
+        if place and file.is_file():
+            raw = np.load(file)
+            ends = np.cumsum(raw["episode_length"].astype(int))
+            begins = ends - raw["episode_length"]
+            pressure = AMBIENT + FULL * raw["p_int"] / raw["p_scale"]
+            # The first two rows and the last one of an episode jump.
+            return Arm(raw["q"].astype(float), pressure, begins + 2, ends - 2)
+    return None
+
+
+def recording(arm: Arm, joint: int, episodes: Iterable[int], machine: AbstractActuator) -> jm.Recording:
+    """Episodes of one joint, one after the other, to be predicted 100 ms ahead."""
+    parts = [np.arange(arm.first[e], arm.last[e] + 1) for e in episodes]
+    breaks = np.cumsum([len(part) for part in parts])[:-1].tolist()
+    rows = np.concatenate(parts)
+    columns = {"angle": arm.angle[rows, joint]}
+    columns |= {f"pressure_{i + 1}": arm.pressure[rows, 2 * joint + i] for i in (0, 1)}
+    return jm.recording(
+        machine, columns, STEP, noise={"angle": 0.02}, horizon=(AHEAD + 1) * STEP, breaks=breaks
+    )
+
+
+def instants(arm: Arm, joint: int, episodes: Iterable[int]) -> Instants:
+    """Instants of these episodes with enough samples before and after."""
+    spans = [np.arange(arm.first[e] + PAST, arm.last[e] + 1 - AHEAD) for e in episodes]
+    rows, angle = np.concatenate(spans)[::EVERY], arm.angle[:, joint]
+    pressure = arm.pressure[:, [2 * joint, 2 * joint + 1]]
+    return Instants(
+        angle[rows[:, None] - np.arange(PAST)],
+        pressure[rows[:, None] + np.arange(AHEAD + 1)],
+        pressure[rows - 1],
+        angle[rows + AHEAD],
+    )
+
+
+def linear(train: Instants, test: Instants, *, coming: bool) -> float:
+    """Error on `test` of least squares from three angles and two pressures, `coming` ones too if wanted."""
+
+    def features(at: Instants) -> Array:
+        used = [at.past[:, :3], at.pressure[:, 0], at.before]
+        used += [at.pressure[:, i] for i in (1, 4, 7, 10)] if coming else []
+        scaled = [(part - AMBIENT) / FULL if part is not used[0] else part for part in used]
+        return np.column_stack([np.ones(len(at.then)), *scaled])
+
+    weights = np.linalg.lstsq(features(train), train.then, rcond=None)[0]
+    return rms(features(test) @ weights - test.then)
+
+
+def ahead(machine: AbstractActuator, at: Instants, *, held: bool = False) -> Array:
+    """The angle that the machine has 100 ms later; `held`: under the pressures of now."""
+    times = -STEP * np.arange(PAST)
+    slope = np.linalg.pinv(np.vander(times, 3, increasing=True))[1]
+    pressure = np.repeat(at.pressure[:, :1], AHEAD + 1, axis=1) if held else at.pressure
+    return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.past @ slope))
+
+
+@eqx.filter_jit
+def _ahead(machine, pressure, angle, velocity):
+    """Every instant is a run of its own on one long track; without memory there is nothing to carry on."""
+    count, length, _ = pressure.shape
+    first = lambda values: jnp.repeat(values, length)  # noqa: E731
+    measured = {
+        "pressure": pressure.reshape(-1, 2),
+        "angle": first(angle),
+        "angular_velocity": first(velocity),
+    }
+    track = Track(jnp.asarray(STEP), jnp.zeros(count * length), measured)
+    rows, none = jnp.arange(count) * length, Start({"effects": {}}, {})
+    angles = predict(machine, track, rows, samples=length, imposed=("pressure",), substeps=4, hidden=none)
+    return angles["angle"][:, -1]
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))

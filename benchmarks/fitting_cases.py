@@ -1,0 +1,160 @@
+"""A recording of every rig, made by the one-page NumPy oracles of the tests, and what is to be found in it.
+
+No code is shared with the model. The clean readings are made once; a repeat is another draw of the noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import jaxmuscle as jm
+from jaxmuscle.actuators import AbstractActuator
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from oracles import bench  # pyright: ignore[reportMissingImports]
+from oracles.driven import driven  # pyright: ignore[reportMissingImports]
+from oracles.elbow import elbow  # pyright: ignore[reportMissingImports]
+from oracles.isotonic import isotonic  # pyright: ignore[reportMissingImports]
+from oracles.jetpipe import jet_pipe  # pyright: ignore[reportMissingImports]
+from oracles.joint import joint  # pyright: ignore[reportMissingImports]
+from oracles.recorded import smooth_motion  # pyright: ignore[reportMissingImports]
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One rig.
+
+    Attributes:
+        clean: the oracle's readings and what drives it.
+        noise: column → standard deviation of its sensor; the other columns have none.
+        free: what is fitted; the truth is what `machine` has.
+        effects: those that the oracle has and the model declares.
+        starts: of a fit for the coverage; dry friction that sticks and slips makes the cost rugged.
+    """
+
+    rig: str
+    clean: Callable[[], Columns]
+    noise: dict[str, float]
+    free: tuple[str, ...]
+    effects: dict[str, dict[str, float]] = dataclasses.field(default_factory=dict)
+    horizon: float | None = None
+    starts: int = 1
+
+    @property
+    def machine(self) -> AbstractActuator:
+        """The machine with the true values."""
+        return bench.model(self.rig, **self.effects)
+
+    def recording(self, seed: int) -> jm.Recording:
+        """The readings with a draw of the noise."""
+        rng, columns = np.random.default_rng([seed, 20]), dict(_clean(self.rig))
+        for name, level in self.noise.items():
+            columns[name] = columns[name] + level * rng.normal(size=len(columns[name]))
+        step = bench.STEPS[self.rig]
+        return jm.recording(
+            self.machine, columns, step, noise=self.noise, horizon=self.horizon, name=self.rig
+        )
+
+    def truth(self) -> dict[str, float]:
+        """Free parameter → true value."""
+        machine = self.machine
+        paths = {name: machine.quantities.get(name, f"effects.{name}") for name in self.free}
+        values = jm.describe(machine)["value"]
+        return {name: float(values.loc[path]) for name, path in paths.items()}
+
+
+@functools.cache
+def _clean(rig: str) -> Columns:
+    return CASES[rig].clean()
+
+
+THREADS = {"thread_friction": bench.THREADS}
+DAMPING = {"load_damping": {"coefficient": 150.0}}
+BEARING = {"load_friction": {"force": 0.4}, "load_damping": {"coefficient": 0.05}}
+
+
+def _driven() -> Columns:
+    motion = smooth_motion(8.0)
+    force = driven(bench.CARDS["driven"], THREADS, *motion)
+    return {"pressure": motion[0], "position": motion[1], "force": force}
+
+
+def _isotonic() -> Columns:
+    command = bench.isotonic_command()
+    card, step = bench.CARDS["isotonic"], bench.STEPS["isotonic"]
+    pressure, position, _ = isotonic(card, DAMPING, command, step, bench.AMBIENT, 20)
+    return {"command": command, "pressure": pressure, "position": position}
+
+
+def _joint() -> Columns:
+    command = bench.joint_command()
+    card, step = bench.CARDS["joint"], bench.STEPS["joint"]
+    first, second, angle, _ = joint(card, BEARING, command, step, command[0], 0.0, 8)
+    pairs: Any = {"command_1": command[:, 0], "command_2": command[:, 1]}
+    return {**pairs, "pressure_1": first, "pressure_2": second, "angle": angle}
+
+
+def _elbow() -> Columns:
+    command = bench.elbow_command()
+    pressure, angle = elbow(bench.CARDS["elbow"], {}, command, bench.STEPS["elbow"], command[0], 100)
+    return {"command": command, "pressure": pressure, "angle": angle}
+
+
+def _jet_pipe() -> Columns:
+    command = bench.jet_pipe_command()
+    current, force = jet_pipe(bench.CARDS["jet-pipe"], {}, command, bench.STEPS["jet-pipe"], 20)
+    return {"command": command, "current": current, "force": force}
+
+
+CASES = {
+    case.rig: case
+    for case in (
+        Case(
+            "driven",
+            _driven,
+            {"force": 0.8},
+            ("initial_radius", "end_factor", *(f"thread_friction.{name}" for name in bench.THREADS)),
+            THREADS,
+        ),
+        Case(
+            "isotonic",
+            _isotonic,
+            {"pressure": 400.0, "position": 3e-5},
+            ("valve_area", "valve_time_constant", "end_factor", "load_damping.coefficient"),
+            DAMPING,
+            horizon=0.5,
+        ),
+        Case(
+            "joint",
+            _joint,
+            {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 3e-4},
+            ("regulator_frequency", "regulator_damping", "end_factor", "inertia", "load_friction.force"),
+            BEARING,
+            horizon=0.4,
+            starts=6,
+        ),
+        Case(
+            "elbow",
+            _elbow,
+            {"pressure": 400.0, "angle": 3e-3},
+            ("regulator_frequency", "regulator_damping", "rising_height", "falling_height", "density"),
+        ),
+        Case(
+            "jet-pipe",
+            _jet_pipe,
+            {"current": 1e-3, "force": 0.3},
+            ("current_gain", "pipe_compliance", "receiver_offset", "discharge_coefficient"),
+        ),
+    )
+}

@@ -1,0 +1,58 @@
+"""From bad starts to the minimum: parts of windows first, and a joint that sticks and slips."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from estimation.made import pulled
+from estimation.own_rig import STEP, drive, measured
+from oracles import bench
+from oracles.joint import joint
+
+import jaxmuscle as jm
+from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.search import _levels
+from jaxmuscle.estimation.stations import station
+
+
+def test_windows_are_cut_as_long_as_parts_have_samples():
+    machine = drive()
+
+    def levels(horizon):
+        recording = jm.recording(machine, measured(), STEP, horizon=horizon)
+        unknowns = layout(machine, [recording], ["own"], Asked(["mass"]))
+        return _levels(Objective([station(machine, recording, "own", None, {})], unknowns, Squares()))
+
+    assert levels(None) == [40, 16, 4]
+    assert levels(1.0) == [16, 4]
+    assert levels(0.1) == [4]
+
+
+def test_out_of_time_on_the_way_through_the_parts():
+    recording = dataclasses.replace(pulled(off=1.4), name="late")
+    found = jm.fit(jm.actuator(recording.card), recording, budget=1e-3)
+    assert found.code == "budget" and np.isfinite(found.cost)
+
+
+@pytest.mark.slow
+def test_every_start_reaches_the_minimum_of_a_joint_that_sticks():
+    """Half or one and a half times every parameter; in quarters of windows alone a third gets lost."""
+    effects = {"load_friction": {"force": 0.4}, "load_damping": {"coefficient": 0.05}}
+    command, step = bench.joint_command(), bench.STEPS["joint"]
+    first, second, angle, _ = joint(bench.CARDS["joint"], effects, command, step, command[0], 0.0, 8)
+    rng, machine = np.random.default_rng(0), bench.model("joint", **effects)
+    noisy = {"pressure_1": first, "pressure_2": second, "angle": angle}
+    noise = {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 3e-4}
+    columns = {name: values + noise[name] * rng.normal(size=len(values)) for name, values in noisy.items()}
+    columns |= {"command_1": command[:, 0], "command_2": command[:, 1]}
+    recording = jm.recording(machine, columns, step, noise=noise, horizon=0.4)
+    true = {"regulator_frequency": 12.0, "end_factor": 1.303, "inertia": 0.04}
+    true |= {"effects.load_friction.force": 0.4}
+    signs = np.random.default_rng(1).choice([-0.5, 0.5], size=(8, len(true)))
+    starts = [{n: v * (1 + s) for (n, v), s in zip(true.items(), row, strict=True)} for row in signs.tolist()]
+    result = jm.fit(machine, recording, list(true), starts=starts)
+    assert sum(start.reached for start in result.starts) >= 7
+    for name, value in true.items():
+        assert abs(result.parameters[name].value - value) < 4 * result.std[name], name
