@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
     from jaxmuscle.parameters import describe, parameter, replace
-    from jaxmuscle.recordings import Card, Recording, read
+    from jaxmuscle.recordings import Card, Recording, read, recording
     from jaxmuscle.recordings import actuator_from_card as actuator
     from jaxmuscle.recordings.simulated import simulate
     from jaxmuscle.samples import sample
@@ -46,6 +46,7 @@ _PLACES = {
     "fit": ("jaxmuscle.estimation", "fit"),
     "parameter": ("jaxmuscle.parameters", "parameter"),
     "read": ("jaxmuscle.recordings", "read"),
+    "recording": ("jaxmuscle.recordings", "recording"),
     "replace": ("jaxmuscle.parameters", "replace"),
     "robot": ("jaxmuscle.robot", None),
     "sample": ("jaxmuscle.samples", "sample"),
@@ -69,6 +70,7 @@ __all__ = [
     "fit",
     "parameter",
     "read",
+    "recording",
     "replace",
     "robot",
     "sample",
