@@ -49,7 +49,7 @@ def residual_vector(
         substeps: solver steps between two samples; the problem's when `None`.
     """
     machine, shifted = moved(actuator, problem, paths, [theta[i] for i in range(len(paths))])
-    predicted = link_predictions(machine, shifted, substeps, packed=False)
+    predicted = link_predictions(machine, shifted, substeps)
 
     def weighted(output: str) -> Array:
         weight = shifted.weights[output]

@@ -132,7 +132,9 @@ def test_all_at_zero_strength_change_nothing_when_compiled(rig):
         np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-9)
 
 
-@pytest.mark.parametrize("effect", {effect for _, effect in PAIRS}, ids=lambda effect: effect.name)
+@pytest.mark.parametrize(
+    "effect", dict.fromkeys(effect for _, effect in PAIRS), ids=lambda effect: effect.name
+)
 def test_strength_is_zero_unless_declared(effect):
     assert float(getattr(effect(), effect.strength)) == 0.0
 
