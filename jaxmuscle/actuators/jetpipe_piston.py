@@ -44,7 +44,7 @@ class JetPipePiston(AbstractActuator):
 
     [H] 2.30 to 2.38, the chambers by an energy balance (:class:`ChamberGas`), the supply pressure a second
     column of the command. The rod is held at `stopper_position`, its pull is measured. d: `dead_length` of
-    either chamber, without which the one that is empty would have no volume.
+    either chamber, without which the one that is empty would have no volume; its size is a choice, not [H]'s.
     """
 
     rig: ClassVar = "jet-pipe-piston"

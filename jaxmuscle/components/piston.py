@@ -34,6 +34,7 @@ class Piston(eqx.Module):
     stiction_velocity: Scalar = parameter(
         "m/s", "velocity over which stiction turns into Coulomb friction", default=0.01, positive=True
     )
+    # The thesis has rigid stops; how soft they are is a choice of this package.
     stop_stiffness: Scalar = parameter("N/m", "stiffness of the stops", default=2e5, positive=True)
     stop_damping: Scalar = parameter("s/m", "damping of the stops", default=2.0, nonnegative=True)
     stop_width: Scalar = parameter("m", "depth over which a stop sets in", default=5e-6, positive=True)
