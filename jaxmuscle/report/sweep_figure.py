@@ -61,7 +61,7 @@ def _draw(axes: Axes, values: xr.DataArray, written: Written) -> None:
 def _map(axes: Axes, values: xr.DataArray, x: str, y: str, written: Written, label: str) -> None:
     grid = values.squeeze().transpose(y, x).values
     right, up = _scaled(values, x, written)[0], _scaled(values, y, written)[0]
-    mesh = axes.pcolormesh(right, up, np.ma.masked_invalid(grid), cmap=COLOURS, shading="nearest")
+    mesh = axes.pcolormesh(cell_edges(right), cell_edges(up), np.ma.masked_invalid(grid), cmap=COLOURS)
     axes.figure.colorbar(mesh, ax=axes)
     axes.grid(visible=False)
     axes.set_facecolor("#e8ebef")
@@ -110,7 +110,24 @@ def _entry(values: xr.DataArray, dim: str, row: int, written: Written) -> str:
 def _label(axes: Axes, which: str, numbers: np.ndarray, text: str) -> None:
     """Name an axis; logarithmic where the values are spaced so."""
     axes.set(**{f"{which}label": text})
-    if len(numbers) > 2 and (numbers > 0).all():
-        ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
-        if np.ptp(ratios) < 1e-6 * abs(ratios).max() < abs(steps).max() and np.ptp(steps) > 1e-6:
-            axes.set(**{f"{which}scale": "log"})
+    if _geometric(numbers):
+        axes.set(**{f"{which}scale": "log"})
+
+
+def _geometric(numbers: np.ndarray) -> bool:
+    """Whether values are spaced by a factor, and not evenly."""
+    if len(numbers) <= 2 or not (numbers > 0).all():
+        return False
+    ratios, steps = np.diff(np.log(numbers)), np.diff(numbers)
+    alike = [np.ptp(values) <= 1e-6 * abs(values).max() for values in (ratios, steps)]
+    return alike == [True, False]
+
+
+def cell_edges(numbers: np.ndarray) -> np.ndarray:
+    """Edges of cells about values: halfway between neighbours, on a logarithmic axis by their logarithms."""
+    if _geometric(numbers):
+        return np.exp(cell_edges(np.log(numbers)))
+    half = np.diff(numbers) / 2 if len(numbers) > 1 else np.array([0.5])
+    return np.concatenate(
+        [numbers[:1] - half[:1], numbers[:-1] + half[: len(numbers) - 1], numbers[-1:] + half[-1:]]
+    )
