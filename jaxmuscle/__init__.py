@@ -6,9 +6,9 @@ The public names are loaded when they are first used, so that the command line a
 from __future__ import annotations
 
 import importlib
-import os
-import sys
 from typing import TYPE_CHECKING, Any
+
+from jaxmuscle.settings import prepare
 
 if TYPE_CHECKING:
     from jaxmuscle import actuators, components, effects, robot
@@ -24,11 +24,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Single precision hides gradients that are not numbers and multiplies the steps of a fit.
-if "jax" in sys.modules:
-    sys.modules["jax"].config.update("jax_enable_x64", True)
-else:
-    os.environ["JAX_ENABLE_X64"] = "1"
+prepare()
 
 _PLACES = {
     "Card": ("jaxmuscle.recordings", "Card"),

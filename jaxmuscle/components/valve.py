@@ -31,8 +31,9 @@ class FlowValve(eqx.Module):
         self, opening: Value, pressure: Value, ambient_pressure: Value, temperature: Value
     ) -> Value:
         """Flow into the muscle [kg/s]: charge from the supply minus exhaust to ambient ([H] 2.18)."""
-        charge_area = self.area * jnp.maximum(opening, 0.0)
-        exhaust_area = self.area * jnp.maximum(-opening, 0.0)
-        charge = nozzle_flow(charge_area, self.supply_pressure, pressure, temperature)
-        exhaust = nozzle_flow(exhaust_area, pressure, ambient_pressure, temperature)
-        return charge - exhaust
+        charging = opening >= 0
+        # One of the two ports is shut, so that one nozzle is enough.
+        source = jnp.where(charging, self.supply_pressure, pressure)
+        sink = jnp.where(charging, pressure, ambient_pressure)
+        # A negative area turns the flow round.
+        return nozzle_flow(self.area * opening, source, sink, temperature)

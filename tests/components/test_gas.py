@@ -105,3 +105,12 @@ def test_slopes_have_no_nan_in_a_batch_of_all_forms():
         slope = jax.grad(nozzle_flow, argnums=argument)
         batch = jax.vmap(slope, in_axes=(None, None, 0, None))(AREA, jnp.asarray(UP), ratios * UP, WARM)
         assert np.isfinite(batch).all()
+
+
+def test_the_flow_is_that_of_the_power_function_to_rounding():
+    ratio = np.linspace(CRITICAL_RATIO, LAMINAR_RATIO, 1001)
+    expected = np.sqrt(ratio ** (2 / GAMMA) - ratio ** ((GAMMA + 1) / GAMMA))
+    largest = np.sqrt(2 * GAMMA / ((GAMMA - 1) * GAS_CONSTANT * 293.15)) * 2e-6 * UP
+    found = np.array(flow(UP, ratio * UP)) / largest
+    # Near 1 the difference of the powers has lost digits, in both.
+    assert np.abs(found / expected - 1).max() < 1e-13 / (1 - LAMINAR_RATIO) ** 0.5

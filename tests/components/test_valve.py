@@ -27,7 +27,8 @@ def test_charges_from_the_supply_and_exhausts_to_ambient(pressure):
 
 def test_slope_over_the_opening_is_finite_when_closed():
     slope = jax.vmap(jax.grad(flow), in_axes=(0, None))(jnp.array([-0.1, 0.0, 0.1]), 3e5)
-    assert np.isfinite(slope).all() and slope[0] > 0 and slope[2] > 0
+    # Both sides have a slope of their own; at zero it is that of opening to the supply.
+    assert np.isfinite(slope).all() and slope[0] > 0 and slope[1] == slope[2] > 0
 
 
 def test_spool_settles_at_the_commanded_opening():
