@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from diffrax import RESULTS
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 Matrix = Float[Array, "n n"]
@@ -60,12 +61,14 @@ class ExponentialHeun(diffrax.AbstractSolver):
         """One step from `t0` to `t1`."""
         del solver_state, made_jump
         p = self.propagator
-        before = terms.vf(t0, y0, args) - p.matrix @ y0
-        first = p.whole @ y0 + p.first @ before
-        after = terms.vf(t1, first, args) - p.matrix @ first
-        y1 = first + p.second @ (after - before)
+        begin, unpack = ravel_pytree(y0)
+        field = lambda time, y: ravel_pytree(terms.vf(time, unpack(y), args))[0]  # noqa: E731
+        before = field(t0, begin) - p.matrix @ begin
+        first = p.whole @ begin + p.first @ before
+        after = field(t1, first) - p.matrix @ first
+        y1 = unpack(first + p.second @ (after - before))
         return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
 
-    def func(self, terms, t0, y0, args) -> Array:
+    def func(self, terms, t0, y0, args) -> Any:
         """The vector field."""
         return terms.vf(t0, y0, args)

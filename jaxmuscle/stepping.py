@@ -86,17 +86,56 @@ def begin_course(longest: Array, state: Any) -> Course:
     return Course(longest, jax.tree.map(lambda leaf: jax.lax.stop_gradient(jnp.abs(leaf)), state))
 
 
-def controlled(
-    solver: Any,
-    field: Field,
-    finish: Finish,
-    state: Any,
-    memory: Any,
-    width: Array,
-    longest: Array,
-    tolerance: Float[Array, ""],
-    rates: Any,
-    course: Course,
+class Plan(eqx.Module):
+    """How to get from a sample to the next.
+
+    Attributes:
+        solver: a method.
+        substeps: steps between two samples; under error control, the fewest.
+        width: length of one of them [s].
+        tolerance: of steps under error control; `None` for fixed ones.
+        rates: state → whether it is the rate of another.
+    """
+
+    solver: Any
+    substeps: int | Array
+    width: Array
+    tolerance: Float[Array, ""] | None
+    rates: Any
+
+
+def advance(
+    plan: Plan, field: Field, finish: Finish, state: Any, memory: Any, course: Course | None
+) -> tuple[Any, Any, Course | None]:
+    """State, memories and step control at the next sample; without states only memories change."""
+    if course is None or not state:
+        return *_fixed(plan, field, finish, state, memory), course
+    return _controlled(plan, field, finish, state, memory, course)
+
+
+def _fixed(plan: Plan, field: Field, finish: Finish, state: Any, memory: Any) -> tuple[Any, Any]:
+    """From a sample to the next in steps of one length."""
+
+    # Reverse mode computes a step again rather than write down what every operation of it gave.
+    @partial(jax.checkpoint, prevent_cse=False)
+    def substep(begin: Array, carry: tuple[Any, Any]) -> tuple[Any, Any]:
+        state, memory = carry
+        end = begin + plan.width
+        if state:
+            state, _ = step(plan.solver, field(memory), begin, end, state)
+        return finish(state, memory, end, plan.width)
+
+    if isinstance(plan.substeps, Array):
+        onward = lambda i, carry: substep(i * plan.width, carry)  # noqa: E731
+        return jax.lax.fori_loop(0, plan.substeps, onward, (state, memory))
+    if plan.substeps == 1:
+        return substep(jnp.zeros(()), (state, memory))
+    begins = jnp.arange(plan.substeps) * plan.width
+    return jax.lax.scan(lambda carry, begin: (substep(begin, carry), None), (state, memory), begins)[0]
+
+
+def _controlled(
+    plan: Plan, field: Field, finish: Finish, state: Any, memory: Any, course: Course
 ) -> tuple[Any, Any, Course]:
     r"""From a sample to the next in steps whose error stays below the tolerance.
 
@@ -106,13 +145,8 @@ def controlled(
     rates of another (an impact stops these at once, however short the step). Y_i: largest value that state
     i has had. The next step is that of the usual controller, 0.9 h (error)^(-1/order), between a fifth and
     four times the last (Hairer, Nørsett and Wanner, II.4). Step sizes are constants for derivatives.
-
-    Args:
-        width: sampling step [s].
-        longest: of all steps [s].
-        rates: state → whether it is the rate of another.
-        course: step and sizes at the end of the sample before.
     """
+    solver, width, longest = plan.solver, plan.width * plan.substeps, plan.width
     order = solver.order(diffrax.ODETerm(field(memory)))
 
     def again(carry: Any) -> Array:
@@ -128,8 +162,8 @@ def controlled(
         raw, estimate = step(solver, field(memory), time, end, state)
         after, new_memory = finish(raw, memory, end, size)
         largest = jax.tree.map(lambda a, b: jnp.maximum(a, jnp.abs(b)), course.largest, after)
-        moved = jax.tree.map(lambda a, b, rate: jnp.where(rate, 0.0, a - b), after, raw, rates)
-        error = _ratio(estimate, moved, largest, tolerance)
+        moved = jax.tree.map(lambda a, b, rate: jnp.where(rate, 0.0, a - b), after, raw, plan.rates)
+        error = _ratio(estimate, moved, largest, plan.tolerance)
         accept = (error <= 1) | (size <= SMALLEST * width)
         factor = jnp.clip(SAFETY * jnp.maximum(error, 1e-12) ** (-1 / order), SLOWEST, FASTEST)
         kept = Course(course.step, jax.lax.stop_gradient(largest))

@@ -86,7 +86,7 @@ def link_predictions(
     """
     steps: Any = problem.substeps if substeps is None else substeps
     # States carried apart: what fits need, forward derivatives of many windows, is faster by a tenth.
-    hidden = observe(actuator, problem.track, problem.total, steps, packed=False)
+    hidden = observe(actuator, problem.track, problem.total, steps)
     return {link.output: _predict(actuator, problem, link, hidden, steps) for link in actuator.links}
 
 
@@ -169,7 +169,6 @@ def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: S
         samples=problem.samples,
         imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
         substeps=substeps,
-        packed=False,
         hidden=hidden,
         period=problem.period,
     )[link.output]

@@ -52,7 +52,6 @@ class Bench(eqx.Module):
             imposed=machine.imposed,
             substeps=substeps,
             method=method,
-            packed=False,
         )
         return Trajectory(self.times, track.command, done.readings, getattr(self.command, "frequency", None))
 

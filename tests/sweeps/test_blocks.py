@@ -41,7 +41,7 @@ def test_little_is_computed_in_vain(shape):
 def test_the_cut_is_that_of_the_sweep_not_of_the_machine():
     division = cut((64, 32), 1000, 100, 2**30)
     assert division == cut((64, 32), 1000, 100, 2**30)
-    assert division.batch == 128 and division.block == (4, 32)
+    assert division.batch == 256 and division.block == (8, 32)
 
 
 def test_a_batch_is_made_smaller_for_long_runs():
