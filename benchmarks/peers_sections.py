@@ -22,8 +22,8 @@ COMPILE = {"run": 3.0, "jacobian": 5.0, "reverse": 8.0}
 """Goals for a cold compilation [s]."""
 CVODES_RUNS = 64
 """Runs of CVODES that are timed: each costs the same, however many there are."""
-DASK_RUNS = 16384
-UNPROFILED = "not profiled"
+DASK_RUNS = 131072
+"""Runs of the sweep on dask: some seconds of one worker, against which the client's work is small."""
 
 Row = dict[str, Any]
 

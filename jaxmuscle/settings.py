@@ -16,9 +16,9 @@ LOOPS = (
 
 Any larger loop it runs kernel by kernel, at some 70 ns each: most of the time of a single run, of its
 Jacobian and of its gradient. Batches of many runs are larger and stay kernels, whose loops are vectors: for
-them that is faster. The two other settings keep LLVM from reordering on the ground that XLA's buffers never overlap:
-with that, derivatives of the elbow came out wrong in a loop compiled as a whole (jaxlib 0.10.2), and a
-Jacobian that takes twice as long is the smaller loss.
+them that is faster. The two other settings keep LLVM from reordering on the ground that XLA's buffers never
+overlap: with that, derivatives of the elbow came out wrong in a loop compiled as a whole (jaxlib 0.10.2),
+and a Jacobian that takes twice as long is the smaller loss.
 """
 
 

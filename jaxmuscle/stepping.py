@@ -146,7 +146,9 @@ def _controlled(
     i has had. The next step is that of the usual controller, 0.9 h (error)^(-1/order), between a fifth and
     four times the last (Hairer, Nørsett and Wanner, II.4). Step sizes are constants for derivatives.
     """
+    assert plan.tolerance is not None
     solver, width, longest = plan.solver, plan.width * plan.substeps, plan.width
+    tolerance = plan.tolerance
     order = solver.order(diffrax.ODETerm(field(memory)))
 
     def again(carry: Any) -> Array:
@@ -163,7 +165,7 @@ def _controlled(
         after, new_memory = finish(raw, memory, end, size)
         largest = jax.tree.map(lambda a, b: jnp.maximum(a, jnp.abs(b)), course.largest, after)
         moved = jax.tree.map(lambda a, b, rate: jnp.where(rate, 0.0, a - b), after, raw, plan.rates)
-        error = _ratio(estimate, moved, largest, plan.tolerance)
+        error = _ratio(estimate, moved, largest, tolerance)
         accept = (error <= 1) | (size <= SMALLEST * width)
         factor = jnp.clip(SAFETY * jnp.maximum(error, 1e-12) ** (-1 / order), SLOWEST, FASTEST)
         kept = Course(course.step, jax.lax.stop_gradient(largest))

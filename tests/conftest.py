@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import jax
 import pytest
 
 
@@ -12,3 +13,10 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"there is no {folder}: its recordings do not come with the repository")
     return folder
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _forget_compiled():
+    """Compiled programs of a file are of no use to the next one, and all of them together take gigabytes."""
+    yield
+    jax.clear_caches()

@@ -49,7 +49,7 @@ class Carry(NamedTuple):
 class Sample(NamedTuple):
     """What a run knows of a sample beforehand: number, row of the track, command, imposed states."""
 
-    index: Array
+    number: Array
     row: Array
     command: Array
     now: State
@@ -99,7 +99,7 @@ def run(
             own, memory = _fresh_where(track.begins[at.row], fresh, own, memory)
         if restarts is not None:
             own, memory = _fresh_where(
-                at.index % restarts.period == 0, restarts.at(at.row, track), own, memory
+                at.number % restarts.period == 0, restarts.at(at.row, track), own, memory
             )
         interval = Interval(
             actuator, track.step, at.command, past_at(actuator, track, at.row), at.now, at.then
@@ -112,7 +112,7 @@ def run(
         readings = actuator.readings(actuator.signals(state, interval.held(memory)))
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
         if feedback is not None:
-            control, command = feedback.update(control, readings, at.index)
+            control, command = feedback.update(control, readings, at.number)
             table = table.at[at.row].set(command)
             interval = _under(table, interval, track, at.row)
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
