@@ -10,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from hysteresis_loops import Series
 
-from jaxmuscle.hysteresis import IntegralInverse, IntegralInversePID, respond
-from jaxmuscle.hysteresis.compensator import Controlling, Inverting
+from jaxmuscle.control import IntegralInversePID
+from jaxmuscle.control.pid import Controlling
+from jaxmuscle.hysteresis import IntegralInverse, respond
+from jaxmuscle.hysteresis.compensator import Inverting
 
 PUBLISHED = {"PID": 1.9912, "classical": 1.4013, "modified": 1.0171}
 """Root mean square errors in the simulations of [W], section 4.1 [deg]."""

@@ -9,9 +9,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jet_pipe_rows import BANDWIDTHS, ZERO, Row, actuator, row
+from jet_pipe_rows import BANDWIDTHS, CORNER, ZERO, actuator
+from published_rows import Row, row
 
 import jaxmuscle as jm
+from jaxmuscle.actuators import JetPipeActuator
 from jaxmuscle.analysis import equilibrium_at, linearise
 from jaxmuscle.parameters import replace
 
@@ -20,15 +22,17 @@ FORCES = np.array([15.0, 30.0, 45.0, 60.0])
 
 
 @cache
-def over_stoppers(chamber_2: float | None = None) -> dict[str, np.ndarray]:
+def over_stoppers(chamber_2: float | None = None, supply: float | None = None) -> dict[str, np.ndarray]:
     """Open-loop bandwidth and dominant fluid pole [Hz] over stoppers and forces, in one vmapped call.
 
-    `chamber_2`: its length [m], if it is not to shrink as chamber 1 grows.
+    `chamber_2`: its length [m], if it is not to shrink as chamber 1 grows; `supply`: absolute pressure [Pa],
+    if it is not to be that of 80 psig.
     """
 
     def at(stopper: Any, force: Any) -> dict[str, Any]:
         longer = {} if chamber_2 is None else {"cylinder.free_length": stopper - 0.026 + chamber_2}
-        machine = replace(actuator(), {"stopper_position": stopper, **longer})
+        other = {} if supply is None else {"receiver.supply_pressure": supply}
+        machine = replace(actuator(), {"stopper_position": stopper, **longer, **other})
         point = equilibrium_at(machine, "force", force, command=1.0)
         model = linearise(machine, point)
         corner, pole = model.bandwidth("force"), -model.poles()[1].real
@@ -55,7 +59,7 @@ def bandwidth_rows() -> Iterator[Row]:
     ok = ends[0] > BANDWIDTHS[0] / 2 and ends[1] < BANDWIDTHS[1] * 2
     yield row("[H] 3.3.2", "linear open-loop bandwidths over stopper and force", "0.8-2.8 measured", ends, ok,
               "Hz", "a factor of two", "measured at mid-stroke with large amplitudes")  # fmt: skip
-    for what, why in (("bandwidth", ZERO), ("pole", "")):
+    for what, why in (("bandwidth", CORNER), ("pole", "")):
         mine, here = power(alone[what][:, 2]), found[what][2:5, 1:].mean(0)
         name = {"bandwidth": "-3 dB bandwidth", "pole": "dominant fluid pole"}[what]
         inverse = -1.25 < mine < -0.75
@@ -67,8 +71,7 @@ def bandwidth_rows() -> Iterator[Row]:
                   "Hz", "sign", "in words", "" if rising else why)  # fmt: skip
 
 
-@cache
-def responses() -> Any:
+def responses(machine: JetPipeActuator) -> Any:
     """Gain [N/V] over frequency, mean and amplitude, of the full nonlinear model."""
     times = np.arange(0, 16, 4e-3)
     over = {
@@ -77,12 +80,12 @@ def responses() -> Any:
         "command.amplitude": np.array([0.1, 0.3, 0.6]),
     }
     sine = jm.commands.Sine()
-    return jm.sweep(actuator(), over, command=sine, times=times, outputs=["force"], reductions=["gain"])
+    return jm.sweep(machine, over, command=sine, times=times, outputs=["force"], reductions=["gain"])
 
 
-def response_bandwidths() -> np.ndarray:
+def response_bandwidths(machine: JetPipeActuator) -> np.ndarray:
     """Frequency [Hz] at which the gain has fallen by 3 dB from that at 0.25 Hz, over mean and amplitude."""
-    found = responses()
+    found = responses(machine)
     gain = np.asarray(found[next(iter(found.data_vars))])
     hertz = np.asarray(found["command.frequency"])
     fallen = np.log(gain / gain[0]) + 0.5 * np.log(2)
@@ -92,7 +95,7 @@ def response_bandwidths() -> np.ndarray:
 
 
 def response_rows() -> Iterator[Row]:
-    hertz, source = response_bandwidths(), "[H] Figures 3.15, 3.16"
+    hertz, source = response_bandwidths(actuator()), "[H] Figures 3.15, 3.16"
     ends = [float(hertz.min()), float(hertz.max())]
     ok = ends[0] > 0.9 * BANDWIDTHS[0] and ends[1] < 1.1 * BANDWIDTHS[1]
     yield row(source, "nonlinear open-loop bandwidths, three means by three amplitudes", "0.8-2.8", ends, ok,

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jet_pipe_rows import Row, actuator, near, row
+from jet_pipe_rows import actuator
 from numpy.typing import NDArray
+from published_rows import Row, near, row
 from scipy.optimize import least_squares, minimize
 
 from jaxmuscle.actuators import JetPipeActuator

@@ -1,23 +1,21 @@
 """Every readable published quantity of the three source systems beside ours: one table.
 
-[T] by `tondu.py`, [H] by `jet_pipe.py`, [W] by `hysteresis.py`: their rows, with source and tolerance.
+[T] by `tondu.py`, [H] by `jet_pipe.py`, [W] by `hysteresis.py`, the controllers of all three by
+`closed_loop.py`: their rows, with source and tolerance.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import sys
-import time
 from collections.abc import Iterator
 from typing import Any
 
+import closed_loop
 import hysteresis
 import jax
 import jet_pipe
 import tondu
-from jet_pipe_rows import Row, line
+from published_rows import Row, printed
 
 TONDU = (
     ("largest force", "[T] 5", "1.3 N", "a and b were rounded to four digits"),
@@ -80,24 +78,9 @@ def rows() -> Iterator[Row]:
     yield from jet_pipe.rows()
     jax.clear_caches()
     yield from hysteresis_rows()
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="end with one line of JSON")
-    arguments = parser.parse_args()
-    begin, found = time.perf_counter(), []
-    for entry in rows():
-        found.append(entry)
-        print(line(entry), flush=True)
-    reached = sum(entry["ok"] for entry in found)
-    print(f"{reached} of {len(found)}")
-    if arguments.json:
-        print(json.dumps({"benchmark": "published", "rows": found, "reached": reached, "of": len(found),
-                          "machine": platform.processor() or platform.machine(),
-                          "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
-    return 0
+    jax.clear_caches()
+    yield from closed_loop.rows()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(printed("published", __doc__, rows))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import sys
-import time
 from collections.abc import Callable, Iterator
 from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
+from published_rows import printed, shown
 
 from jaxmuscle import simulate
 from jaxmuscle.actuators import Isotonic
@@ -154,32 +151,19 @@ PARTS: tuple[Callable[[], Iterator[dict[str, object]]], ...] = (
 )
 
 
-def shown(value: object) -> str:
-    """A number, or several, in four digits."""
-    return ", ".join(f"{v:.4g}" for v in value) if isinstance(value, list) else f"{value:.4g}"
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="end with one line of JSON")
-    arguments = parser.parse_args()
-    begin, rows = time.perf_counter(), []
+def rows() -> Iterator[dict[str, object]]:
+    """All rows."""
     for part in PARTS:
-        for entry in part():
-            rows.append(entry)
-            mark = "ok" if entry["ok"] else "NO"
-            value = f"{shown(entry['ours'])} {entry['unit']}".rstrip()
-            print(f"{mark:3s}{entry['figure']}: {value}; published {entry['goal']}")
-            if "why" in entry:
-                print(f"     {entry['why']}", flush=True)
-    reached = sum(bool(entry["ok"]) for entry in rows)
-    print(f"{reached} of {len(rows)}")
-    if arguments.json:
-        print(json.dumps({"benchmark": "tondu", "rows": rows, "reached": reached, "of": len(rows),
-                          "machine": platform.processor() or platform.machine(),
-                          "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
-    return 0
+        yield from part()
+
+
+def text(entry: dict[str, object]) -> str:
+    """A row as text."""
+    mark = "ok" if entry["ok"] else "NO"
+    value = f"{shown(entry['ours'])} {entry['unit']}".rstrip()
+    said = f"{mark:3s}{entry['figure']}: {value}; published {entry['goal']}"
+    return said + (f"\n     {entry['why']}" if "why" in entry else "")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(printed("tondu", __doc__, rows, text))

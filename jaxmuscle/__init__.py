@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from jaxmuscle.settings import prepare
 
 if TYPE_CHECKING:
-    from jaxmuscle import actuators, components, effects, robot
+    from jaxmuscle import actuators, components, control, effects, robot
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
@@ -36,6 +36,7 @@ _PLACES = {
     "actuators": ("jaxmuscle.actuators", None),
     "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
+    "control": ("jaxmuscle.control", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
     "effects": ("jaxmuscle.effects", None),
@@ -60,6 +61,7 @@ __all__ = [
     "actuators",
     "commands",
     "components",
+    "control",
     "describe",
     "diagnose",
     "effects",

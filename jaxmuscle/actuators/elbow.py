@@ -9,7 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import Held, Link, State
+from jaxmuscle.actuators.regulated import AbstractRegulated
 from jaxmuscle.components import PressureRegulator
 from jaxmuscle.effects.base import AbstractEffect, state_rates
 from jaxmuscle.hysteresis import ModifiedPrandtlIshlinskii
@@ -17,7 +18,7 @@ from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, Signals
 
 
-class Elbow(AbstractActuator):
+class Elbow(AbstractRegulated):
     r"""Rig `elbow`: command → regulated pressure → angle, by the modified Prandtl-Ishlinskii model of [W].
 
     .. math:: \ddot P = ω^2 (c - P) - 2ζω \dot P, \quad
@@ -67,9 +68,6 @@ class Elbow(AbstractActuator):
         plays = self.hysteresis.update(self.hysteresis.rest(), gauge)
         return {"pressure_rate": jnp.zeros(()), "plays": plays, **measured}
 
-    def resting_command(self, measured: Mapping[str, Array]) -> Array:
-        return measured["pressure"]
-
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         signals = Signals(past=held.past, ambient_pressure=self.ambient_pressure, pressure=state["pressure"])
@@ -80,10 +78,7 @@ class Elbow(AbstractActuator):
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
         return {
-            "pressure": state["pressure_rate"],
-            "pressure_rate": self.regulator.acceleration(
-                signals.command, signals.pressure, state["pressure_rate"]
-            ),
+            **self._pressure_rates(state, signals),
             "plays": jnp.zeros_like(state["plays"]),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }

@@ -9,22 +9,24 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.jet import AbstractJetPipe
 from jaxmuscle.components import CurrentDriver, Cylinder, JetPipe, Receiver
 from jaxmuscle.effects.base import AbstractEffect, state_rates
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, FORCE_READING, MASS_FLOW, TIP_FORCE, TIP_POSITION, Signals
+from jaxmuscle.signals import FORCE_READING, MASS_FLOW, Signals
 
 
-class JetPipeActuator(AbstractActuator):
+class JetPipeActuator(AbstractJetPipe):
     r"""Rig `jet-pipe`: command → current → tip force → tip position → mass flows → pressures → force.
 
     .. math:: \dot i = ω_{cd}(g u - i),\quad x^s = h(k_m i),\quad
               \dot p_j = \frac{n R T}{V_j}\,(\dot m_{s,j} - \dot m_{r,j} ∓ \dot m_{leak}),\quad
               F = \max(A_p (p_1 - p_2),\,F_{res})
 
-    [H] chapter 2 with the piston held. `residual_force` F_res is the pull of the spring that keeps the rod
-    at its stopper. No state is measured: current and force are predicted from the command alone.
+    [H] 2.1 to 2.7, 2.24, 2.25 and 2.29, the piston held. `residual_force` F_res is the pull of the spring
+    that keeps the rod at its stopper. No state is measured: current and force are predicted from the
+    command alone.
     """
 
     rig: ClassVar = "jet-pipe"
@@ -56,11 +58,6 @@ class JetPipeActuator(AbstractActuator):
         "polytropic_exponent": "polytropic_exponent",
     }
     commands: ClassVar = ("command",)
-    measured: ClassVar = {}
-    derivatives: ClassVar = {}
-    imposed: ClassVar = ()
-    outputs: ClassVar = {"current": ("current",), "force": ("force",)}
-    links: ClassVar = (Link("current", (), "command"), Link("force", (), "tip_position"))
     available: ClassVar = frozenset(
         "command past current pipe tip_force tip_position mass_flow chambers force".split()
     )
@@ -94,18 +91,7 @@ class JetPipeActuator(AbstractActuator):
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
-        signals = Signals(
-            past=held.past,
-            ambient_pressure=self.ambient_pressure,
-            gas_temperature=self.gas_temperature,
-            pipe=self.pipe,
-            current=state["current"],
-            pressure=state["pressure"],
-        )
-        signals = self._with(signals, COMMAND, held.command, states)
-        signals = self._with(signals, TIP_FORCE, self.pipe.tip_force(signals.current), states)
-        static = self.pipe.static_position(signals.tip_force)
-        signals = self._with(signals, TIP_POSITION, static, states)
+        signals = self._up_to_the_tip(state, held, states)
         signals = self._with(signals, MASS_FLOW, self._mass_flow(state), states)
         pull = jnp.maximum(self.cylinder.force(signals.pressure), self.residual_force)
         return self._with(signals.having(force=pull), FORCE_READING, pull, states)
@@ -129,22 +115,3 @@ class JetPipeActuator(AbstractActuator):
             ),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
-
-    def linear_part(self, state: State) -> State:
-        return linear_pipe(self.driver, self.pipe, state)
-
-    def readings(self, signals: Signals) -> dict[str, Array]:
-        return {"current": signals.current, "force": signals.force_reading}
-
-    def constrained(self, state: State) -> State:
-        return state
-
-
-def linear_pipe(driver: CurrentDriver, pipe: JetPipe, state: State) -> State:
-    """Rates of current and pipe that are linear in them, which a solver integrates exactly."""
-    # The tip follows small currents linearly; how far it saturates is left to the rest.
-    unsaturated = pipe.compliance * pipe.tip_force(state["current"])
-    return {
-        "current": -driver.bandwidth * state["current"],
-        "pipe": pipe.rate(unsaturated, state["pipe"]),
-    }

@@ -9,13 +9,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
-from jaxmuscle.actuators.jetpipe import JetPipeActuator, linear_pipe
+from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.jet import AbstractJetPipe
+from jaxmuscle.actuators.jetpipe import JetPipeActuator
 from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, Piston, Receiver
 from jaxmuscle.components.chamber import heat_of
 from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, FORCE_READING, LOAD, MASS_FLOW, TIP_FORCE, TIP_POSITION, Signals
+from jaxmuscle.signals import FORCE_READING, LOAD, MASS_FLOW, Signals
 
 ADDED = {
     "wall_conductance": "gas.wall_conductance",
@@ -37,7 +38,7 @@ LEFT_OUT = ("residual_force", "polytropic_exponent")
 """Quantities of rig `jet-pipe` in whose place spring and gas stand."""
 
 
-class JetPipePiston(AbstractActuator):
+class JetPipePiston(AbstractJetPipe):
     r"""Rig `jet-pipe-piston`: as rig `jet-pipe`, but the piston moves and the gas warms and cools.
 
     .. math:: V_1 = A_p (x_p + d),\quad V_2 = A_p (L - x_p + d)
@@ -54,11 +55,6 @@ class JetPipePiston(AbstractActuator):
         **ADDED,
     }
     commands: ClassVar = ("command", "supply_pressure")
-    measured: ClassVar = {}
-    derivatives: ClassVar = {}
-    imposed: ClassVar = ()
-    outputs: ClassVar = {"current": ("current",), "force": ("force",)}
-    links: ClassVar = (Link("current", (), "command"), Link("force", (), "tip_position"))
     available: ClassVar = frozenset(
         "command past current pipe tip_force tip_position mass_flow chambers position velocity force".split()
     )
@@ -99,20 +95,9 @@ class JetPipePiston(AbstractActuator):
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
-        signals = Signals(
-            past=held.past,
-            ambient_pressure=self.ambient_pressure,
-            gas_temperature=self.gas_temperature,
-            pipe=self.pipe,
-            current=state["current"],
-            pressure=state["pressure"],
-            position=state["position"],
-            velocity=state["velocity"],
+        signals = self._up_to_the_tip(
+            state, held, states, position=state["position"], velocity=state["velocity"]
         )
-        signals = self._with(signals, COMMAND, held.command, states)
-        signals = self._with(signals, TIP_FORCE, self.pipe.tip_force(signals.current), states)
-        static = self.pipe.static_position(signals.tip_force)
-        signals = self._with(signals, TIP_POSITION, static, states)
         flow = self._flows(state, signals.command[1])[0]
         signals = self._with(signals, MASS_FLOW, flow, states)
         x, v = signals.position, signals.velocity
@@ -155,12 +140,3 @@ class JetPipePiston(AbstractActuator):
             "velocity": signals.load / self.piston.mass,
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
-
-    def linear_part(self, state: State) -> State:
-        return linear_pipe(self.driver, self.pipe, state)
-
-    def readings(self, signals: Signals) -> dict[str, Array]:
-        return {"current": signals.current, "force": signals.force_reading}
-
-    def constrained(self, state: State) -> State:
-        return state

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -10,24 +9,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.regulated import AbstractMuscleJoints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.effects.base import (
     AbstractEffect,
     States,
-    altered_muscle,
     friction_limit,
     slip_of_mass,
     state_rates,
 )
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
+from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
 
 SIDES = np.array([1.0, -1.0])
 """The sense in which each muscle turns the joint."""
 
 
-class Joint(AbstractActuator):
+class Joint(AbstractMuscleJoints):
     r"""Rig `joint`: commands → regulated pressures → muscle forces → joint angle.
 
     .. math:: J \ddot θ = R (F_1 - F_2), \quad x_{1,2} = ε_0 l_0 ± R θ, \quad F_i ≥ 0
@@ -36,33 +35,14 @@ class Joint(AbstractActuator):
     """
 
     rig: ClassVar = "joint"
-    units: ClassVar = {"command": "Pa", "load": "N m", "motion": "rad"}
-    quantities: ClassVar = {
-        "regulator_frequency": "regulator.frequency",
-        "regulator_damping": "regulator.damping",
-        "initial_length": "muscle.initial_length",
-        "initial_radius": "muscle.initial_radius",
-        "braid_angle": "muscle.braid_angle",
-        "end_factor": "muscle.end_factor",
-        "sprocket_radius": "sprocket_radius",
-        "initial_contraction": "initial_contraction",
-        "inertia": "inertia",
-        "ambient_pressure": "ambient_pressure",
-    }
+    quantities: ClassVar = {**AbstractMuscleJoints.quantities, "inertia": "inertia"}
     commands: ClassVar = ("command_1", "command_2")
     measured: ClassVar = {"pressure": ("pressure_1", "pressure_2"), "angle": ("angle",)}
-    derivatives: ClassVar = {"angular_velocity": "angle"}
-    imposed: ClassVar = ()
     outputs: ClassVar = {"pressure": ("pressure_1", "pressure_2"), "angle": ("angle",)}
-    links: ClassVar = (
-        Link("pressure", ("angle", "angular_velocity"), "command"),
-        Link("angle", ("pressure",), "load"),
-    )
     available: ClassVar = frozenset(
         "command past pressure muscle muscle_pair contraction contraction_velocity "
         "position velocity angle".split()
     )
-    largest_step: ClassVar = 0.002
 
     regulator: PressureRegulator
     muscle: McKibben
@@ -72,30 +52,9 @@ class Joint(AbstractActuator):
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
 
-    def rest(self, measured: Mapping[str, Array]) -> State:
-        return {"pressure_rate": jnp.zeros(2), **measured}
-
-    def resting_command(self, measured: Mapping[str, Array]) -> Array:
-        return measured["pressure"]
-
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
-        side = SIDES * self.sprocket_radius
-        middle = self.initial_contraction * self.muscle.initial_length
-        muscle = altered_muscle(self.effects, self.muscle)
-        signals = Signals(
-            past=held.past,
-            ambient_pressure=self.ambient_pressure,
-            pressure=state["pressure"],
-            muscle=muscle,
-            contraction=middle + side * state["angle"],
-            contraction_velocity=side * state["angular_velocity"],
-            position=state["angle"],
-            velocity=state["angular_velocity"],
-        )
-        signals = self._with(signals, COMMAND, held.command, states)
-        force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
-        signals = self._with(signals, MUSCLE_FORCE, force, states)
+        signals = self._up_to_the_muscles(state, held, states, SIDES)
         loose = self._load(signals, signals.muscle_force, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(2)
         in_bearing = friction_limit(self.effects, LOAD, loose)
@@ -113,17 +72,8 @@ class Joint(AbstractActuator):
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
         return {
-            "pressure": state["pressure_rate"],
-            "pressure_rate": self.regulator.acceleration(
-                signals.command, signals.pressure, state["pressure_rate"]
-            ),
+            **self._pressure_rates(state, signals),
             "angle": signals.velocity,
             "angular_velocity": signals.load / self.inertia,
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
-
-    def readings(self, signals: Signals) -> dict[str, Array]:
-        return {"pressure": signals.pressure, "angle": signals.position}
-
-    def constrained(self, state: State) -> State:
-        return state

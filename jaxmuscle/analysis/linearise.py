@@ -16,6 +16,8 @@ from jaxmuscle.analysis.linear import LinearModel
 def linearise(actuator: AbstractActuator, point: OperatingPoint) -> LinearModel:
     """A, B, C, D of `actuator` about `point`: exact derivatives of its vector field and readings.
 
+    For the jet-pipe actuator what [H] 4.3 to 4.33 derive by hand.
+
     Inputs are the rig's commands, outputs its readings. States that the point holds stay held; effects with
     a memory are taken with the branch they are on, so that inside a play the part behind it does not move;
     a delay counts for nothing. May be vmapped together with :func:`equilibrium`.

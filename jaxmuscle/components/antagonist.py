@@ -31,7 +31,7 @@ def coefficients(muscle: McKibben, sprocket_radius: Value, initial_contraction: 
               K_2 = π r_0^2 R\,2 a k (1 - kε_0) \frac{R}{l_0}, \quad
               K_3 = π r_0^2 R\,a k^2 \frac{R^2}{l_0^2}
 
-    [T], antagonist section; :math:`a = 3/\tan^2α_0`, :math:`b = 1/\sin^2α_0`.
+    [T] 17 and 18, antagonist section; :math:`a = 3/\tan^2α_0`, :math:`b = 1/\sin^2α_0`.
 
     Args:
         sprocket_radius: R [m].
@@ -50,7 +50,7 @@ def coefficients(muscle: McKibben, sprocket_radius: Value, initial_contraction: 
 def torque(k: Coefficients, pressure_1: Value, pressure_2: Value, angle: Value) -> Value:
     r"""Torque on the joint [N m]: :math:`T = K_1 (P_1 - P_2) - K_2 (P_1 + P_2) θ + K_3 (P_1 - P_2) θ^2`.
 
-    [T], antagonist section. Pressures [Pa], angle θ [rad].
+    [T] 17 and 18, antagonist section (18: without the last term). Pressures [Pa], angle θ [rad].
     """
     difference = pressure_1 - pressure_2
     return (
@@ -60,16 +60,34 @@ def torque(k: Coefficients, pressure_1: Value, pressure_2: Value, angle: Value) 
     )
 
 
+def biceps_triceps_torque(
+    largest: Value, stiffness: Value, biceps: Value, triceps: Value, angle: Value
+) -> Value:
+    r"""Hogan's torque of a natural joint: :math:`T = T_{max} (u_b - u_t) - K (u_b + u_t) θ`, [T] 19.
+
+    The same structure as :func:`torque` without its last term: with u = P/P_max, T_max = K1 P_max and
+    K = K2 P_max.
+
+    Args:
+        largest: T_max [N m].
+        stiffness: K [N m/rad].
+        biceps, triceps: u_b and u_t, normalised commands, 0 to 1.
+        angle: θ [rad].
+    """
+    return largest * (biceps - triceps) - stiffness * (biceps + triceps) * angle
+
+
 def static_gain(k: Coefficients, mean_pressure: Value) -> Value:
     r"""Open-loop gain :math:`G = K_1/(K_2 P_0)` of :math:`θ = G ΔP` [rad/Pa].
 
-    The commands are :math:`P_{1,2} = P_0 ± ΔP`; K3 is left out.
+    [T] 21 solved for rest: the commands are :math:`P_{1,2} = P_0 ± ΔP`, :math:`T = 2 K_1 ΔP - 2 K_2 P_0 θ`;
+    K3 is left out.
     """
     return k.drive / (k.restoring * mean_pressure)
 
 
 def stiffness(k: Coefficients, mean_pressure: Value) -> Value:
-    r"""Natural stiffness of the joint at rest in the middle, :math:`2 K_2 P_0` [N m/rad]."""
+    r"""Natural stiffness of the joint at rest in the middle, :math:`2 K_2 P_0` [N m/rad], [T] 21."""
     return 2 * k.restoring * mean_pressure
 
 

@@ -41,7 +41,7 @@ class Cylinder(eqx.Module):
         return self.piston_area * jnp.stack([travel, self.free_length - travel])
 
     def force(self, pressure: Chambers) -> Value:
-        """Pull of the rod :math:`A_p (p_1 - p_2)` [N], [H] 2.38; pressures [Pa]."""
+        """Pull of the rod :math:`A_p (p_1 - p_2)` [N], [H] 2.34 and 2.36; pressures [Pa]."""
         return self.piston_area * (pressure[0] - pressure[1])
 
     def leak(self, pressure: Chambers, temperature: Value | Chambers) -> Value:

@@ -26,5 +26,5 @@ class CurrentDriver(eqx.Module):
         return self.bandwidth * (self.gain * command + self.offset - current)
 
     def steady_current(self, command: Value) -> Value:
-        """Current [A] that a constant command [V] leads to."""
+        """Current [A] that a constant command u [V] leads to, [H] 2.3: :math:`i = g u + i_{off}`."""
         return self.gain * jnp.asarray(command) + self.offset

@@ -30,7 +30,7 @@ def nozzle_flow(area: Value, pressure_in: Value, pressure_out: Value, temperatur
     .. math:: \dot m = A\,p_u \sqrt{\tfrac{2γ}{(γ-1)RT}\,(β^{2/γ} - β^{(γ+1)/γ})},
               \quad β = \max(p_d/p_u,\,0.528)
 
-    Thesis [H], equations 2.18 to 2.22. Between a ratio of 0.999 and 1 the root, whose slope is infinite at
+    [H] equations 2.18 to 2.22. Between a ratio of 0.999 and 1 the root, whose slope is infinite at
     equal pressures, is replaced by the chord to zero: the flow is continuous and its gradient is finite
     everywhere.
 

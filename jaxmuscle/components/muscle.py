@@ -28,7 +28,7 @@ class McKibben(eqx.Module):
         return contraction / self.initial_length
 
     def force(self, contraction: Value, gauge_pressure: Value, end_factor: Value) -> Value:
-        r"""Static force, [T] equations 4 and 7:
+        r"""Static force, [T] equations 4, 5 and 7 (5: its largest value, at ε = 0):
         :math:`F = π r_0^2 P\,[a (1 - kε)^2 - b]`, :math:`a = 3/\tan^2α_0`, :math:`b = 1/\sin^2α_0`.
 
         Args: contraction [m], gauge_pressure P [Pa], end_factor k [-]. Returns tension [N].
@@ -58,7 +58,7 @@ class McKibben(eqx.Module):
         return -scale * (1 - 3 * cos_squared * ratio**2)
 
     def contact_surface(self, contraction: Value) -> Value:
-        r"""Thread-on-thread contact surface, [T] equation 14:
+        r"""Thread-on-thread contact surface, [T] equations 13 and 14:
         :math:`S = 2π r_0 l_0 \sinα_0 / [(1-kε)\sqrt{1 - \cos^2α_0 (1-kε)^2}]`.
 
         Contraction [m]; surface [m^2].

@@ -1,7 +1,28 @@
-"""Sampled controllers: pure functions (state, reference, measurement) → (state, command)."""
+"""Sampled controllers, pure functions (state, reference, measurement) → (state, command), and the loop that
+closes them over a machine.
+"""
 
+from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
+from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
+from jaxmuscle.control.pid import IntegralInversePID
 from jaxmuscle.control.proportional import ProportionalForce, StaticCurve
 from jaxmuscle.control.scheduled import ScheduledPID
 from jaxmuscle.control.sliding import Reference, SecondOrder, SlidingMode
 
-__all__ = ["ProportionalForce", "Reference", "ScheduledPID", "SecondOrder", "SlidingMode", "StaticCurve"]
+__all__ = [
+    "MACVICAR_WHELAN",
+    "Attached",
+    "ClosedLoop",
+    "Controller",
+    "FuzzyPID",
+    "IntegralInversePID",
+    "ProportionalForce",
+    "Reference",
+    "ScheduledPID",
+    "SecondOrder",
+    "SlidingMode",
+    "StaticCurve",
+    "closed_loop",
+    "feedback_on",
+]

@@ -7,6 +7,7 @@ import jax.core
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.control.checks import check_signs
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
 
@@ -36,7 +37,7 @@ class StaticCurve(eqx.Module):
 
 
 class ProportionalForce(eqx.Module):
-    r"""Force controller of [H]: :math:`i = k_p (F_d - F) + f^{-1}(F_d)`, without a `curve` its first part.
+    r"""Force controller, [H] 4.2: :math:`i = k_p (F_d - F) + f^{-1}(F_d)`, without a `curve` its first part.
 
     [H] runs it at 500 Hz with k_p = 0.044 A/N. The first part alone leaves an error at rest; the inverse of
     the static curve removes it as far as the curve holds. Limited to the rated current.
@@ -46,8 +47,22 @@ class ProportionalForce(eqx.Module):
     curve: StaticCurve | None = None
     limit: Scalar = parameter("A", "rated current", default=0.4, positive=True)
 
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a gain or a limit that is not above zero."""
+        check_signs(self)
+
+    def start(self) -> None:
+        """There is no state."""
+        return None
+
+    def update(
+        self, state: None, wanted: Scalar | float, measured: Scalar | float, step: float | Scalar
+    ) -> tuple[None, Scalar]:
+        """No state, and the current [A] until the next sample, as :meth:`current`."""
+        return None, self.current(wanted, measured)
+
     def current(self, wanted: Scalar | float, measured: Scalar | float) -> Scalar:
-        """Current [A] for a wanted and a measured force [N]. There is no state."""
+        """Current [A] for a wanted and a measured force [N]."""
         ahead = 0.0 if self.curve is None else self.curve.inverse(wanted)
         return jnp.clip(self.gain * (wanted - measured) + ahead, -self.limit, self.limit)
 

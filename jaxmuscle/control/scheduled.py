@@ -7,9 +7,10 @@ import jax.core
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.control.checks import check_signs
+from jaxmuscle.control.pid import Controlling, IntegralInversePID
 from jaxmuscle.errors import InputError
-from jaxmuscle.hysteresis import IntegralInverse, IntegralInversePID
-from jaxmuscle.hysteresis.compensator import Controlling
+from jaxmuscle.hysteresis import IntegralInverse
 from jaxmuscle.parameters import Scalar, parameter
 
 Gains = Float[Array, " ranges"]
@@ -24,12 +25,13 @@ class ScheduledPID(eqx.Module):
 
     inverse: IntegralInverse | None
     edges: Float[Array, " edges"] = parameter("{output}", "ends of the ranges but the last, increasing")
-    proportional: Gains = parameter("{input}/{output}", "gain K_p of each range")
+    proportional: Gains = parameter("{input}/{output}", "gain K_p of each range", nonnegative=True)
     integral_time: Gains = parameter("s", "integral time T_i of each range", positive=True)
     derivative_time: Gains = parameter("s", "derivative time T_d of each range", nonnegative=True)
 
     def __check_init__(self) -> None:
-        """Raise `InputError` unless there is one range more than edges, and the edges increase."""
+        """Raise `InputError` unless gains have their sign, ranges are one more than edges, which increase."""
+        check_signs(self)
         tables = (self.edges, self.proportional, self.integral_time, self.derivative_time)
         if any(isinstance(table, jax.core.Tracer) for table in tables):
             return

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.control.checks import check_signs, smoothed
 from jaxmuscle.parameters import Scalar, parameter
 
 Value = Float[Array, ""]
@@ -16,11 +17,15 @@ BAR = 1e5
 
 
 class SecondOrder(eqx.Module):
-    r"""Identified joint, [T] open loop: :math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`."""
+    r"""Identified joint, [T] 28, open loop: :math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`."""
 
     damping: Scalar = parameter("1/s", "coefficient a1 of the velocity", nonnegative=True)
     stiffness: Scalar = parameter("1/s^2", "coefficient a2 of the angle", nonnegative=True)
     gain: Scalar = parameter("rad/(s^2 Pa)", "acceleration b per pressure difference", positive=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a coefficient whose sign is wrong."""
+        check_signs(self)
 
 
 class Reference(NamedTuple):
@@ -41,7 +46,7 @@ class Sliding(eqx.Module):
 
 
 class SlidingMode(eqx.Module):
-    r"""Variable-structure controller of [T]: :math:`ΔU = ΔU_{eq} + ΔU_d + ΔU_i`, e = θ_d - θ.
+    r"""Variable-structure controller, [T] 26 to 29: :math:`ΔU = ΔU_{eq} + ΔU_d + ΔU_i`, e = θ_d - θ.
 
     .. math::
         s &= \dot e + C e + C' \ddot e \quad \text{(26), improved by the last term} \\
@@ -66,8 +71,14 @@ class SlidingMode(eqx.Module):
     boundary: Scalar = parameter("rad/s", "half-width w of the linear sign", default=0.1, positive=True)
     limit: Scalar = parameter("Pa", "largest ΔU_d", default=BAR, positive=True)
     integral_limit: Scalar = parameter("Pa", "largest ΔU_i", default=0.8 * BAR, positive=True)
-    integral_band: Scalar = parameter("rad", "error below which it integrates", default=jnp.pi / 18)
+    integral_band: Scalar = parameter(
+        "rad", "error below which it integrates", default=jnp.pi / 18, positive=True
+    )
     smoothing: Scalar = parameter("s", "time constant of the rates", default=0.01, nonnegative=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a gain, a limit or a time constant whose sign is wrong."""
+        check_signs(self)
 
     def start(self, error: float | Array = 0.0) -> Sliding:
         """At rest, with an error that has not changed."""
@@ -92,9 +103,8 @@ class SlidingMode(eqx.Module):
     ) -> tuple[Sliding, Value]:
         """The state after a sample of `step` seconds, and ΔU [Pa] until the next: P0 ± ΔU for the muscles."""
         error = wanted.angle - angle
-        keep = self.smoothing / (self.smoothing + step)
-        rate = keep * state.rate + (1 - keep) * (error - state.error) / step
-        second = keep * state.second + (1 - keep) * (rate - state.rate) / step
+        rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
+        second = smoothed(state.second, (rate - state.rate) / step, self.smoothing, step)
         near = jnp.abs(error) < self.integral_band
         grown = state.integral + jnp.where(near, self.integral_gain * step * error, 0.0)
         integral = jnp.clip(grown, -self.integral_limit, self.integral_limit)

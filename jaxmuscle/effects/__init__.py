@@ -34,9 +34,13 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
     ForceSensorLag,
 )
 
-BY_NAME: dict[str, type[AbstractEffect]] = {effect.name: effect for effect in CATALOGUE}
+ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
+"""Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
+
+BY_NAME: dict[str, type[AbstractEffect]] = {e.name: e for e in (*CATALOGUE, *ALTERNATIVE_FORMS)}
 
 __all__ = [
+    "ALTERNATIVE_FORMS",
     "BY_NAME",
     "CATALOGUE",
     "AbstractEffect",

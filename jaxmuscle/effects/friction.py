@@ -53,7 +53,7 @@ class LoadFriction(AbstractFrictionEffect):
     reads: ClassVar = frozenset({"velocity"})
     strength: ClassVar = "force"
     starts: ClassVar = ({},)
-    source: ClassVar = "Coulomb, [H] 2.34"
+    source: ClassVar = "Coulomb, [H] 2.35"
 
     force: Scalar = parameter("{load}", "Coulomb friction of the guide", default=0.0, nonnegative=True)
 

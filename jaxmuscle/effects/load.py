@@ -21,7 +21,7 @@ class LoadDamping(AbstractStaticEffect):
     reads: ClassVar = frozenset({"velocity"})
     strength: ClassVar = "coefficient"
     starts: ClassVar = ({},)
-    source: ClassVar = "[H] 2.34"
+    source: ClassVar = "[H] 2.33"
 
     coefficient: Scalar = parameter("{load} s/{motion}", "viscous damping", default=0.0, nonnegative=True)
 

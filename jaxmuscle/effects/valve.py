@@ -61,8 +61,12 @@ class FrameValveHysteresis(AbstractMemoryEffect):
     .. math:: Δx = X\,\frac{y - s}{β},\quad s = F/F_{sat},\quad y = s ± β (1 - s^2)
 
     y by :class:`FrameRule` from the major loop whose halves are s ± β(1 - s²), β = 0.16: 0.08 mm in the
-    ±0.5 mm of [H] section 3.2.1. Starts, as the rule does, from the low saturation. [H] 3.2.2 found it no
-    better than the mid-line; it stands beside :class:`ValveHysteresis` and is no candidate of a diagnosis.
+    ±0.5 mm of [H] section 3.2.1. Starts, as the rule does, from the low saturation.
+
+    It models the same thing as :class:`ValveHysteresis` and so is not in the catalogue: a diagnosis that had
+    both would find the one or the other by chance, and [H] 3.2.2 found this one no better than the mid-line.
+    A card may declare it, ``[effects.valve_hysteresis_by_frame]``, and Python add it, for rigs `jet-pipe` and
+    `jet-pipe-piston`.
     """
 
     name: ClassVar = "valve_hysteresis_by_frame"

@@ -7,7 +7,7 @@ from jaxmuscle.hysteresis.classical import (
     exponential_density,
     spaced_thresholds,
 )
-from jaxmuscle.hysteresis.compensator import IntegralInverse, IntegralInversePID, inverted
+from jaxmuscle.hysteresis.compensator import IntegralInverse, inverted
 from jaxmuscle.hysteresis.frame import FrameRule, midline
 from jaxmuscle.hysteresis.inverse import inverse, inverse_memory
 from jaxmuscle.hysteresis.modified import (
@@ -25,7 +25,6 @@ __all__ = [
     "FrameRule",
     "GeneralizedPrandtlIshlinskii",
     "IntegralInverse",
-    "IntegralInversePID",
     "ModifiedPrandtlIshlinskii",
     "PrandtlIshlinskii",
     "dahl",

@@ -19,7 +19,7 @@ Series = Float[Array, " samples"]
 
 
 class SecondOrder(eqx.Module):
-    r""":math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`, [T] joint identification.
+    r""":math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`, [T] 28.
 
     :math:`a_1 = 2ζω`, :math:`a_2 = ω^2`, :math:`b = G ω^2`; ΔU in the unit of the command.
     """

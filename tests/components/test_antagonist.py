@@ -99,6 +99,18 @@ def test_torque_vanishes_at_the_equilibrium(difference):
     assert float(muscles(MEAN + difference, MEAN - difference, angle)) == pytest.approx(0, abs=1e-12)
 
 
+def test_hogans_form_is_that_of_the_muscles_without_the_quadratic_term():
+    largest = 5e5
+    straight = K._replace(curvature=jnp.zeros(()))
+    rng = np.random.default_rng(2)
+    for biceps, triceps, angle in rng.uniform([0, 0, -1], 1, size=(6, 3)):
+        ours = antagonist.torque(straight, biceps * largest, triceps * largest, angle)
+        hogans = antagonist.biceps_triceps_torque(
+            K.drive * largest, K.restoring * largest, biceps, triceps, angle
+        )
+        assert float(ours) == pytest.approx(float(hogans), rel=1e-12, abs=1e-12)
+
+
 def test_static_gain_is_the_slope_of_the_equilibrium():
     slope = jax.grad(antagonist.equilibrium_angle, 2)(K, *arrays(MEAN, 0.0))
     assert float(antagonist.static_gain(K, jnp.asarray(MEAN))) == pytest.approx(float(slope), rel=1e-12)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from oracles.bench import built
 
-from jaxmuscle.control import ScheduledPID
+from jaxmuscle.control import IntegralInversePID, ScheduledPID
 from jaxmuscle.errors import InputError
-from jaxmuscle.hysteresis import IntegralInversePID
 
 STEP = 0.05
 TWO = built(

@@ -48,6 +48,18 @@ def test_equation_29_keeps_the_error_on_its_line():
     np.testing.assert_allclose(wanted.acceleration - acceleration, -SLOPE * rate, rtol=1e-12)
 
 
+def test_switching_is_that_of_harashima_on_the_line_of_equation_26():
+    controller = built(SlidingMode, JOINT, SLOPE, 0.02, 4e4, 4e3, 3e3)
+    error, rate, second = 0.003, -0.02, 0.4
+    line = rate + SLOPE * error + 0.02 * second
+    assert 0 < line < 0.1
+    expected = (4e4 * error + 4e3 * abs(rate) + 3e3) * line / 0.1
+    found = controller.switching(*map(jnp.asarray, (error, rate, second)))
+    assert float(found) == pytest.approx(expected, rel=1e-12)
+    opposite = controller.switching(*map(jnp.asarray, (-error, -rate, -second)))
+    assert float(opposite) == pytest.approx(-expected, rel=1e-12)
+
+
 def test_follows_a_sine_on_the_joint_that_was_identified():
     errors = followed(EQUIVALENT, JOINT, sine)
     assert np.abs(errors[1500:]).max() < np.deg2rad(0.5)

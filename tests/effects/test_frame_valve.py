@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from oracles import bench
 
-from jaxmuscle.effects import FrameValveHysteresis
+import jaxmuscle as jm
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects import CATALOGUE, FrameValveHysteresis
 from jaxmuscle.effects.valve import LOOP_SHARE, major_loop
 from jaxmuscle.hysteresis import respond
+from jaxmuscle.recordings.schema import quantities
 from jaxmuscle.signals import Signals
 
 PIPE = bench.model("jet-pipe").pipe
@@ -61,3 +64,23 @@ def test_it_runs_in_the_actuator():
     bare, ruled = (bench.simulated(m, track, 1).readings["force"] for m in (actuator, with_rule))
     # Coming from below, the tip lags behind and the jet feeds less into chamber 1.
     assert float(ruled[-1]) < float(bare[-1]) - 1.0 and float(ruled[0]) == pytest.approx(float(bare[0]))
+
+
+def test_a_card_may_declare_it_and_a_diagnosis_does_not_seek_it():
+    assert FrameValveHysteresis not in CATALOGUE
+    numbers, rig = bench.CARDS["jet-pipe"], RIGS["jet-pipe"]
+    needs = quantities(rig)
+    known = {
+        name: {"value": float(value), "unit": needs[name].unit}
+        | ({"reference": "absolute"} if needs[name].referenced else {})
+        for name, value in numbers.items()
+    }
+    columns = {
+        name: {"column": name, "unit": unit}
+        for name, unit in {"time": "s", "command": "V", "current": "A", "force": "N"}.items()
+    }
+    effect = {"valve_hysteresis_by_frame": {"half_width": {"value": 0.08, "unit": "mm"}}}
+    card = jm.Card.parse({"rig": "jet-pipe", "columns": columns, "known": known, "effects": effect})
+    declared = jm.actuator(card).effects["valve_hysteresis_by_frame"]
+    assert isinstance(declared, FrameValveHysteresis)
+    assert float(declared.half_width) == pytest.approx(WIDTH) and float(declared.span) == pytest.approx(SPAN)

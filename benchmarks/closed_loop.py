@@ -1,0 +1,24 @@
+"""Do the controllers of the three sources do in closed loop what was published? On the package's own rigs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+
+from closed_loop_elbow import elbow_rows
+from closed_loop_force import force_rows
+from closed_loop_joint import joint_rows
+from closed_loop_robot import robot_rows
+from published_rows import Row, printed
+
+PARTS: tuple[Callable[[], Iterator[Row]], ...] = (joint_rows, robot_rows, force_rows, elbow_rows)
+
+
+def rows() -> Iterator[Row]:
+    """All rows."""
+    for part in PARTS:
+        yield from part()
+
+
+if __name__ == "__main__":
+    sys.exit(printed("closed_loop", __doc__, rows))

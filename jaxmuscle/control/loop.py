@@ -1,0 +1,131 @@
+"""A machine under a controller, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.errors import InputError
+from jaxmuscle.recordings.simulated import commanded_track, sampling_step
+from jaxmuscle.recordings.steps import Steps, steps_of
+from jaxmuscle.simulation import Feedback, Track, run, start_at_rest
+
+
+class Controller(Protocol):
+    """What :func:`closed_loop` asks of a controller: an `eqx.Module` or other pytree with these methods."""
+
+    def start(self) -> Any:
+        """The state at the first sample."""
+        ...
+
+    def update(
+        self, state: Any, wanted: Any, readings: dict[str, Array], step: Float[Array, ""]
+    ) -> tuple[Any, Any]:
+        """The state after a sample of `step` seconds, and the command until the next."""
+        ...
+
+
+class ClosedLoop(eqx.Module):
+    """A run in closed loop, SI; leading axis of samples everywhere.
+
+    Attributes:
+        time: sampling instants [s].
+        readings: what the controller saw at each of them.
+        commands: what it gave, held until the next.
+    """
+
+    time: Float[Array, " samples"]
+    readings: dict[str, Float[Array, "samples ..."]]
+    commands: Float[Array, "samples *commands"]
+
+
+def closed_loop(
+    actuator: AbstractActuator,
+    controller: Controller,
+    reference: Any,
+    times: ArrayLike,
+    *,
+    begin: Any = None,
+    start: Mapping[str, ArrayLike] | None = None,
+    method: str | None = None,
+    substeps: int | None = None,
+) -> ClosedLoop:
+    """Simulate `actuator` from rest under `controller`.
+
+    At every sample the sensors are read, the controller gives the command, and the machine runs under it
+    until the next, as :func:`jaxmuscle.simulate` would with that command. A delay sees the commands that
+    were really given; before the first sample the machine is taken to rest under the command that holds it.
+    Differentiable in forward and in reverse mode with respect to machine, controller and reference; may be
+    vmapped. Compiled once for every kind of machine and controller and every number of samples.
+
+    Args:
+        controller: from a reference and the readings to the command: :func:`feedback_on` puts a controller
+            of one reading on a rig.
+        reference: what `update` gets as `wanted`: an array or a tree of arrays, one row a sample.
+        times: sampling instants [s], uniform.
+        begin: the controller's state at the first sample; `controller.start()` when `None`.
+        start, method, substeps: as for :func:`jaxmuscle.simulate`.
+
+    Raises:
+        InputError: a rig without a command, a reference of another length, a command of the wrong shape.
+    """
+    if actuator.imposed or not actuator.commands:
+        raise InputError(f"rig {actuator.rig!r} has no command for a controller to give")
+    clock = np.asarray(times, dtype=float)
+    step = sampling_step(clock)
+    wanted = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), reference)
+    lengths = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(wanted)}
+    if lengths != {clock.shape}:
+        raise InputError(
+            f"expected a reference with one row for each of {len(clock)} instants; got {lengths}"
+        )
+    begin = controller.start() if begin is None else begin
+    given = {name: jnp.asarray(value, dtype=float) for name, value in (start or {}).items()}
+    steps = steps_of(actuator, step, method, substeps)
+    return _closed(actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps)
+
+
+@eqx.filter_jit
+def _closed(
+    actuator: AbstractActuator,
+    controller: Controller,
+    wanted: Any,
+    clock: Array,
+    step: Array,
+    begin: Any,
+    given: dict[str, Array],
+    steps: Steps,
+) -> ClosedLoop:
+    """:func:`closed_loop`, compiled."""
+    width = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
+    bare = commanded_track(actuator, jnp.zeros((len(clock), *width)), step, given)
+    rest = actuator.resting_command(bare.at(jnp.asarray(0)))
+    track = Track(step, jnp.broadcast_to(rest, bare.command.shape), bare.measured)
+    as_arrays = lambda tree: jax.tree.map(jnp.asarray, tree)  # noqa: E731
+
+    def update(state: Any, readings: dict[str, Array], row: Array) -> tuple[Any, Array]:
+        here = jax.tree.map(lambda leaf: leaf[row], wanted)
+        state, command = controller.update(state, here, readings, step)
+        if jnp.shape(command) != width:
+            raise InputError(f"expected a command of shape {width}; the controller gave {jnp.shape(command)}")
+        return as_arrays(state), command
+
+    found = run(
+        actuator,
+        track,
+        start_at_rest(actuator, track),
+        jnp.asarray(0),
+        samples=len(clock),
+        imposed=(),
+        substeps=steps.substeps,
+        method=steps.method,
+        feedback=Feedback(as_arrays(begin), update),
+    )
+    return ClosedLoop(clock, found.readings, found.command)
