@@ -46,6 +46,11 @@ class Arm:
         return range(0, self.split, 3)
 
     @property
+    def validation(self) -> range:
+        """Of these, the last quarter: episodes by which a model is chosen that was fitted without them."""
+        return range(int(0.75 * self.split), self.split)
+
+    @property
     def held_out(self) -> range:
         """Episodes that no fit sees."""
         return range(self.split, len(self.first))
@@ -118,12 +123,25 @@ def linear(train: Instants, test: Instants, *, coming: bool) -> float:
     return rms(features(test) @ weights - test.then)
 
 
-def ahead(machine: AbstractActuator, at: Instants, *, held: bool = False) -> Array:
-    """The angle that the machine has 100 ms later; `held`: under the pressures of now."""
+def ahead(machine: AbstractActuator, at: Instants, *, fade: float | None = None) -> Array:
+    """The angle that the machine has 100 ms later.
+
+    Args:
+        fade: pressures go on as they last did, ever more slowly with this time constant [s]; 0: they stay as
+            they are now; `None`: those that were measured afterwards.
+    """
     times = -STEP * np.arange(PAST)
     slope = np.linalg.pinv(np.vander(times, 3, increasing=True))[1]
-    pressure = np.repeat(at.pressure[:, :1], AHEAD + 1, axis=1) if held else at.pressure
+    pressure = at.pressure if fade is None else _continued(at, fade)
     return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.past @ slope))
+
+
+def _continued(at: Instants, fade: float) -> Array:
+    """Pressures of the coming 100 ms from those of now and of the sample before."""
+    now = at.pressure[:, :1]
+    way = STEP * np.arange(AHEAD + 1)
+    share = fade / STEP * -np.expm1(-way / fade) if fade else np.zeros(AHEAD + 1)
+    return now + (now - at.before[:, None]) * share[:, None]
 
 
 @eqx.filter_jit

@@ -51,7 +51,7 @@ class ArmJoint(AbstractActuator):
     available: ClassVar = frozenset(
         "pressure muscle muscle_pair contraction contraction_velocity position velocity angle".split()
     )
-    largest_step: ClassVar = 0.0034
+    largest_step: ClassVar = 0.002
 
     muscle: McKibben
     inertia: Scalar = parameter("kg m^2", "moment of inertia about the joint", positive=True)

@@ -1,11 +1,12 @@
 """Can a fit be believed, do bad starts arrive, how fast beside scipy and CasADi, and with fifty parameters?
 
 Recordings of every rig come from the one-page oracles of the tests (plain NumPy, no code shared with the
-model); the fits know nothing but them. Four questions, each a part that can be asked for by itself:
+model); the fits know nothing but them. Five questions, each a part that can be asked for by itself:
 
     coverage     do the 95 % intervals hold the truth in 90 to 98 % of the repeats?
     starts       do at least 95 % of the starts that are 50 % off reach the best minimum?
     race         seconds to the same cost beside scipy.optimize.least_squares and CasADi, cold and warm
+    effects      every effect's own parameters from starts 30 to 50 % off: are they found?
     hysteresis   weights and thresholds of two muscles, fifty parameters, within 60 s?
 
     python benchmarks/fitting.py [--only PART] [--repeats 100] [--starts 20] [--json]
@@ -55,12 +56,19 @@ def hysteresis(arguments: argparse.Namespace) -> Rows:
     return [fifty()]
 
 
+def effects(arguments: argparse.Namespace) -> Rows:
+    from fitting_effects import every
+
+    return every()
+
+
 # The race first: nothing may be compiled before its cold runs.
 PARTS: dict[str, Callable[[argparse.Namespace], Rows]] = {
     "race": race,
     "hysteresis": hysteresis,
     "coverage": coverage,
     "starts": starts,
+    "effects": effects,
 }
 
 
@@ -82,6 +90,8 @@ def main() -> int:
             rows.append(row)
             line = f"{'ok  ' if row['ok'] else 'MISS'} {row['figure']:64s} {row['ours']:8.3g}"
             print(f"{line}   goal: {row['goal']}", flush=True)
+            if "told" in row:
+                print(f"       {row['told']}")
             if "why" in row:
                 print(f"       {row['why']}")
             if isinstance(row.get("seconds"), dict):

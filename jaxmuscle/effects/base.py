@@ -8,7 +8,9 @@ parameter that is its strength; rigs and the diagnosis know nothing else about i
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -100,6 +102,7 @@ class AbstractMemoryEffect(AbstractEffect):
 
 STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
+_WIDENING: ContextVar[Array | float] = ContextVar("widening", default=1.0)
 
 Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]
@@ -150,7 +153,7 @@ def slip_of_mass(driving: Array, momentum: Array, limit: Array | float) -> Array
     slides at the limit otherwise. Not stiffer than 1/τ however large the friction. At L = 0 it is the sign
     of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
     """
-    wanted = driving + momentum / STICKING_TIME
+    wanted = driving + momentum / (STICKING_TIME * _WIDENING.get())
     some = jnp.asarray(limit) > 0
     ratio = wanted / jnp.where(some, limit, 1.0)
     return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
@@ -158,7 +161,20 @@ def slip_of_mass(driving: Array, momentum: Array, limit: Array | float) -> Array
 
 def slip_of_velocity(velocity: Array, width: float = 1e-4) -> Array:
     """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s]."""
-    return jnp.tanh(velocity / width)
+    return jnp.tanh(velocity / (width * _WIDENING.get()))
+
+
+@contextmanager
+def widened_friction(factor: Array | float) -> Iterator[None]:
+    """Within it dry friction is smoothed over motions `factor` times as large; what is traced in it keeps it.
+
+    For the first stages of a fit, which may go from wide to narrow.
+    """
+    token = _WIDENING.set(factor)
+    try:
+        yield
+    finally:
+        _WIDENING.reset(token)
 
 
 def initial_states(effects: Effects, signals: Signals) -> tuple[dict[str, Any], dict[str, Any]]:

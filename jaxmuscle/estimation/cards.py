@@ -8,7 +8,7 @@ import math
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.data import FitData
-from jaxmuscle.estimation.names import OFFSET
+from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.recordings.card import Card, Estimate, actuator_from_card
 
@@ -31,7 +31,7 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
     """The card of a recording with fitted values; a machine built from it equals the fitted one.
 
     Quantities that were not fitted, but differ from the card, become known ones of the machine's value. A
-    card has no place for the offset of a sensor: it is told in the description.
+    card has no place for the offset of a sensor or for an initial state: they are told in the description.
     """
     number = number_of(result, recording)
     label, card = list(result.cards.items())[number]
@@ -50,7 +50,7 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
         if fitted.recording not in (None, label):
             continue
         estimate = (fitted.value, fitted.std if 0 < fitted.std < math.inf else None)
-        if fitted.path.startswith(OFFSET):
+        if not of_machine(fitted.path):
             told.append(f"{name} = {fitted.value:g} {fitted.unit}")
         elif fitted.path.startswith(EFFECTS):
             _, effect, parameter = fitted.path.split(".", 2)
@@ -59,7 +59,7 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
             values[_card_name(actuator, fitted.path)] = estimate
     updated = card.updated(values, effects)
     if told:
-        text = f"{card.description} Fitted sensor offsets, not part of this card: {', '.join(told)}."
+        text = f"{card.description} Fitted beside it, not part of this card: {', '.join(told)}."
         updated = dataclasses.replace(updated, description=text.strip())
     return updated
 

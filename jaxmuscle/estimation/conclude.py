@@ -16,10 +16,11 @@ from jaxmuscle.estimation.covariance import Covariance, covariance
 from jaxmuscle.estimation.fitted import Fitted, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
 from jaxmuscle.estimation.lane import FAILED
-from jaxmuscle.estimation.names import OFFSET
+from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.profile import profiles
 from jaxmuscle.estimation.result import FitResult
+from jaxmuscle.estimation.rough import without_rough
 from jaxmuscle.estimation.search import Found
 from jaxmuscle.estimation.series import Series, series
 from jaxmuscle.estimation.unknowns import Unknowns
@@ -44,7 +45,7 @@ def conclude(
     """Judge the best point of a search; `wanted`: places whose profiles are to be computed."""
     objective, unknowns, u = found.objective, found.objective.unknowns, found.best.u
     progress("judging the fit")
-    lines = series(objective, u, found.limits.lanes)
+    lines, rough = without_rough(objective, u, series(objective, u, found.limits.lanes), found.limits.lanes)
     ends = at_bound(unknowns, u)
     sure = covariance(lines, unknowns, objective.loss, ends != 0)
     idle, combinations = _identifiability(lines, unknowns, ends)
@@ -80,16 +81,19 @@ def conclude(
         settings=settings,
         iterations=found.iterations,
         seconds=time.monotonic() - begin,
+        rough=rough,
     )
 
 
 def moved_machine(
     actuator: AbstractActuator, unknowns: Unknowns, u: NDArray[np.float64], number: int
 ) -> AbstractActuator:
-    """The machine in a recording with the values at coordinates u; offsets are not part of it."""
+    """The machine in a recording with the values at coordinates u; neither offsets nor initial states are
+    part of it.
+    """
     values = settled(unknowns, u)
     entries = [(unknowns.entries[i].place.path, float(values[i])) for i in unknowns.acting_on(number)]
-    return replace(actuator, {path: value for path, value in entries if not path.startswith(OFFSET)})
+    return replace(actuator, {path: value for path, value in entries if of_machine(path)})
 
 
 def at_bound(unknowns: Unknowns, u: NDArray[np.float64]) -> NDArray[np.int64]:

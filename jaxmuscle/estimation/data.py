@@ -12,6 +12,7 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.fitted import Fitted, Noise, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined
 from jaxmuscle.estimation.profile import Profile
+from jaxmuscle.estimation.rough import RoughWindow
 from jaxmuscle.estimation.whiteness import ResidualTest
 from jaxmuscle.recordings.card import Card
 
@@ -35,6 +36,7 @@ class FitData:
             of them) and ``COLUMN predicted`` (from the command alone, window by window); NaN where nothing
             counts or is predicted.
         cards: recording → its card.
+        rough: windows that are left out of the standard deviations, their derivatives being none.
         settings: the arguments with which the fit can be done again.
     """
 
@@ -56,6 +58,7 @@ class FitData:
     settings: dict[str, Any]
     iterations: int
     seconds: float
+    rough: tuple[RoughWindow, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:

@@ -24,8 +24,8 @@ PATIENCE = 8
 """Steps, taken or rejected, over which the cost has to fall noticeably."""
 NOTICEABLE = 0.02
 """Fall of the cost over them, per mean square residual, that is."""
-LONGEST_STEP = 1.5
-"""Largest change of a coordinate in one step: a factor of 4.5 for a positive parameter."""
+SOFTER = 0.1
+"""Least factor by which a step that went well lowers the damping."""
 
 
 def descend(
@@ -42,7 +42,10 @@ def descend(
     λ after Nielsen (1999); a coordinate at a bound that the gradient pushes on is left out of it.
     """
     keep = np.zeros(starts.shape, dtype=bool) if held is None else held
-    lanes = [Lane(u.copy(), h, u.copy(), trial=u.copy()) for u, h in zip(starts, keep, strict=True)]
+    lanes = [
+        Lane(u.copy(), h, u.copy(), trial=u.copy(), damping=limits.damping)
+        for u, h in zip(starts, keep, strict=True)
+    ]
     waiting = iter(lanes)
     active: list[Lane] = []
     for iteration in _forever():
@@ -108,7 +111,7 @@ def _accepted(lane: Lane, local: Local, finite: bool) -> bool:
         lane.damping, lane.growth = lane.damping * lane.growth, 2 * lane.growth
         return False
     lane.u, lane.local, lane.rejected, lane.growth = lane.trial, local, 0, 2.0
-    lane.damping = max(lane.damping * max(1 / 3, 1 - (2 * min(ratio, 2.0) - 1) ** 3), 1e-15)
+    lane.damping = max(lane.damping * max(SOFTER, 1 - (2 * min(ratio, 2.0) - 1) ** 3), 1e-15)
     lane.curvature = np.maximum(lane.curvature, np.diag(local.matrix))
     return True
 
@@ -137,7 +140,7 @@ def _propose(lane: Lane, limits: Limits) -> None:
         return
     damped = inner + lane.damping * np.diag(lane.curvature[free])
     step = np.zeros_like(g)
-    step[free] = np.clip(-np.linalg.solve(damped, slope), -LONGEST_STEP, LONGEST_STEP)
+    step[free] = np.clip(-np.linalg.solve(damped, slope), -limits.longest[free], limits.longest[free])
     lane.trial = np.clip(lane.u + step, limits.lower, limits.upper)
     moved = lane.trial - lane.u
     lane.expected = float(-(g @ moved) - 0.5 * moved @ matrix @ moved)

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
+from jaxmuscle.estimation.arguments import (
+    ESTIMATED,
+    Masks,
+    as_settings,
+    begun_at,
+    prepared,
+    profiled,
+    widths,
+)
 from jaxmuscle.estimation.conclude import conclude
 from jaxmuscle.estimation.lane import Course
-from jaxmuscle.estimation.layout import Asked, Bounds, PriorLike, layout
+from jaxmuscle.estimation.layout import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.losses import Loss, loss_named
-from jaxmuscle.estimation.missing import Mask
-from jaxmuscle.estimation.names import columns, expanded, places, resolve
-from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
-from jaxmuscle.estimation.starts import given_starts, spread_starts
-from jaxmuscle.estimation.stations import aligned, station
 from jaxmuscle.recordings.recording import Recording
-
-ESTIMATED = "estimated"
-Masks = Mask | Sequence[Mask | None] | None
 
 
 def _silent(message: str) -> None:
@@ -47,6 +44,7 @@ def fit(
     shared: Sequence[str] = (),
     per_recording: Sequence[str] = (),
     profiles: Sequence[str] = (),
+    continuation: Sequence[float] = (),
     budget: float | None = None,
     steps: int = 50,
     seed: int = 0,
@@ -66,7 +64,8 @@ def fit(
         recordings: as :func:`jaxmuscle.read` or :func:`jaxmuscle.recording` gives them; missing readings
             may be NaN.
         free: names of what is fitted: card quantities, paths, ``offset.COLUMN``, arrays (all their entries)
-            and entries of arrays (``weights[3]``); what the cards call uncertain when `None`. Names in
+            and entries of arrays (``weights[3]``), and states at the first sample, ``start.STATE``, which
+            otherwise are as measured or at rest; what the cards call uncertain when `None`. Names in
             `shared` and `per_recording` are free too.
         priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
@@ -80,6 +79,10 @@ def fit(
         shared, per_recording: names with one value for all recordings (all are, by default), and with one
             for each.
         profiles: names whose profile likelihood is computed.
+        continuation: factors by which dry friction is smoothed more widely at first, from wide to narrow:
+            ``(30, 6)``. These stages take the place of the shorter parts of a window, which do more: of 16
+            starts 50 % off on a joint that sticks, 16 arrive by way of the parts, 14 by way of ``(30, 6)``,
+            11 by neither; on a drive with Coulomb friction all do either way.
         budget: seconds after which the best so far is returned.
         steps: most steps of a start.
         seed: of the Latin hypercube.
@@ -94,81 +97,17 @@ def fit(
     """
     begin = time.monotonic()
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    check_same_rig(actuator, given)
-    names = labels(given)
+    known = dict(priors or {}), dict(bounds or {})
+    asked = Asked(free, tuple(shared), tuple(per_recording), *known, tuple(profiles), widths(continuation))
     rule = loss_named(loss)
-    asked = Asked(free, tuple(shared), tuple(per_recording), dict(priors or {}), dict(bounds or {}))
-    unknowns = layout(actuator, given, names, asked)
-    known = places(actuator, {})
-    wanted = [p.name for name in profiles for p in expanded(known, resolve(known, name, "profiles"))]
-    levels = {} if isinstance(noise, str) or noise is None else _checked(actuator, noise)
-    if isinstance(noise, str) and noise != ESTIMATED:
-        raise InputError(f"noise: expected {ESTIMATED!r} or a mapping of columns to values; got {noise!r}")
-    machines = conditions(actuator, given, {e.place.path for e in unknowns.entries})
-    stations = aligned(
-        [
-            station(machine, recording, name, mask, levels)
-            for machine, recording, name, mask in zip(
-                machines, given, names, _masks(masks, given), strict=True
-            )
-        ]
-    )
-    if isinstance(starts, int):
-        if starts < 1:
-            raise InputError(f"starts: expected a number from 1 on; got {starts}")
-        points = spread_starts(unknowns, starts, seed)
-    else:
-        points = given_starts(unknowns, starts)
-    task = Search(
-        Objective(stations, unknowns, rule),
-        points,
-        steps,
-        np.inf if budget is None else begin + budget,
-        noise == ESTIMATED,
-        _teller(progress, begin),
-    )
-    settings: dict[str, Any] = {
-        "free": None if free is None else list(free),
-        "priors": {name: _plain(prior) for name, prior in asked.priors.items()},
-        "bounds": {name: tuple(pair) for name, pair in asked.bounds.items()},
-        "loss": rule,
-        "noise": dict(noise) if isinstance(noise, Mapping) else noise,
-        "shared": list(shared),
-        "per_recording": list(per_recording),
-        "profiles": list(profiles),
-        "steps": steps,
-        "seed": seed,
-    }
+    objective = prepared(actuator, given, asked, masks, noise, rule)
+    points = begun_at(objective.unknowns, starts, seed)
+    deadline = np.inf if budget is None else begin + budget
+    told = _teller(progress, begin)
+    task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation)
+    settings = as_settings(asked, rule, noise) | {"steps": steps, "seed": seed}
+    wanted = profiled(actuator, given, asked)
     return conclude(search(task), actuator, wanted, settings, progress, begin)
-
-
-def _plain(prior: PriorLike) -> tuple[float, float] | None:
-    return prior if prior is None or isinstance(prior, tuple) else dataclasses.astuple(prior)  # pyright: ignore
-
-
-def _checked(actuator: AbstractActuator, noise: Mapping[str, float]) -> dict[str, float]:
-    sensors = {column: column for column in columns(actuator)}
-    for column, level in noise.items():
-        if column not in sensors:
-            raise InputError(f"noise: unknown column {column!r}; expected one of {', '.join(sensors)}")
-        if not 0 < level < np.inf:
-            raise InputError(f"noise[{column!r}]: expected a standard deviation above zero (SI); got {level}")
-    return dict(noise)
-
-
-def _masks(masks: Masks, recordings: Sequence[Recording]) -> list[Mask | None]:
-    """One mask for each recording."""
-    if masks is None:
-        return [None] * len(recordings)
-    if len(recordings) == 1 and not isinstance(masks, list | tuple):
-        return [masks]  # pyright: ignore[reportReturnType]
-    if not isinstance(masks, list | tuple) or len(masks) != len(recordings):
-        got = f"{len(masks)} of them" if isinstance(masks, list | tuple) else type(masks).__name__
-        raise InputError(
-            f"masks: expected a list with one mask (or None) for each of {len(recordings)} recordings; "
-            f"got {got}"
-        )
-    return list(masks)
 
 
 def _teller(progress: Callable[[str], None], begin: float) -> Callable[[str, Course], None]:

@@ -14,7 +14,9 @@ Vector = NDArray[np.float64]
 
 CONVERGED, STALLED, STEPS, BUDGET, FAILED = "converged", "stalled", "steps", "budget", "failed"
 """How a descent ended: at a minimum; where no step lowers the cost; out of steps; out of time; nowhere."""
-FIRST_DAMPING = 1e-3
+LONGEST_STEP = 1.5
+"""Largest change of a logarithm in one step: a factor of 4.5."""
+FIRST_DAMPING = 1e-5
 """Damping of the first step, relative to the diagonal of the Gauss-Newton matrix."""
 
 
@@ -56,7 +58,11 @@ class Course:
 
 @dataclasses.dataclass(frozen=True)
 class Limits:
-    """Bounds of the coordinates, steps of a lane, lanes at a time, and when to stop (`time.monotonic`)."""
+    """Bounds of the coordinates, steps of a lane, lanes at a time, and when to stop (`time.monotonic`).
+
+    `reach`: how far a coordinate may go in one step, relative to the longest step of a logarithm; `damping`:
+    of the first step.
+    """
 
     lower: Vector
     upper: Vector
@@ -64,6 +70,13 @@ class Limits:
     lanes: int
     deadline: float = np.inf
     samples: int = 1
+    reach: Vector | float = 1.0
+    damping: float = FIRST_DAMPING
+
+    @property
+    def longest(self) -> Vector:
+        """Largest change of each coordinate in one step."""
+        return LONGEST_STEP * np.broadcast_to(self.reach, self.lower.shape)
 
 
 def best(lanes: Sequence[Lane]) -> Lane | None:

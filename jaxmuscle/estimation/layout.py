@@ -11,13 +11,11 @@ import numpy as np
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import agreed_prior, card_entry
-from jaxmuscle.estimation.names import Place, columns, expanded, places, resolve
-from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.estimation.beginnings import start_places
+from jaxmuscle.estimation.names import START, Place, columns, expanded, places, resolve
+from jaxmuscle.estimation.unknowns import HALF, Unknown, Unknowns
 from jaxmuscle.fitting.free import Prior
 from jaxmuscle.recordings.recording import Recording
-
-HALF = 0.5
-"""Relative scale of a parameter of which nothing is known beforehand."""
 
 PriorLike = Prior | tuple[float, float] | None
 Bounds = tuple[float | None, float | None]
@@ -32,6 +30,24 @@ class Asked:
     per_recording: Sequence[str] = ()
     priors: Mapping[str, PriorLike] = dataclasses.field(default_factory=dict)
     bounds: Mapping[str, Bounds] = dataclasses.field(default_factory=dict)
+    profiles: Sequence[str] = ()
+    continuation: tuple[float, ...] = ()
+
+    @property
+    def initial_states(self) -> bool:
+        """Whether any of the names is that of an initial state."""
+        names = (*(self.free or ()), *self.shared, *self.per_recording, *self.priors, *self.bounds)
+        return any(name.startswith(START) for name in (*names, *self.profiles))
+
+
+def known_places(
+    actuator: AbstractActuator, recordings: Sequence[Recording], asked: Asked
+) -> list[dict[str, Place]]:
+    """For each recording, everything that can be fitted; initial states only if one is asked for."""
+    found = places(actuator, _ranges(actuator, recordings))
+    if not asked.initial_states:
+        return [found] * len(recordings)
+    return [{**found, **start_places(actuator, recording)} for recording in recordings]
 
 
 def layout(
@@ -43,7 +59,8 @@ def layout(
         InputError: an unknown parameter, nothing free, a bound that excludes the start, priors that
             contradict each other or a bound.
     """
-    known = places(actuator, _ranges(actuator, recordings))
+    by_recording = known_places(actuator, recordings, asked)
+    known = by_recording[0]
     own = _resolved(known, asked.per_recording, "per_recording")
     shared = _resolved(known, asked.shared, "shared")
     if both := [name for name in own if name in shared]:
@@ -68,7 +85,9 @@ def layout(
             cards = [(labels[i], card_entry(recordings[i].card, place)) for i in group]
             prior = priors[name] if name in priors else agreed_prior(name, cards)
             label = f"{name}[{labels[group[0]]}]" if name in own and len(recordings) > 1 else name
-            start = _start(place, cards) if name in own else place.value
+            start = _start(by_recording[group[0]][name], cards) if name in own else place.value
+            if place.path.startswith(START):
+                start = _beginning(start, prior, bounds.get(name, (None, None)))
             entries.append(_unknown(label, place, group, start, prior, bounds.get(name, (None, None))))
     return Unknowns(entries)
 
@@ -77,6 +96,12 @@ def _start(place: Place, cards: Sequence[tuple[str, Prior | float | None]]) -> f
     """A recording's own parameter starts at what its card says of it."""
     entry = cards[0][1]
     return place.value if entry is None else entry.mean if isinstance(entry, Prior) else entry
+
+
+def _beginning(start: float, prior: Prior | None, bounds: Bounds) -> float:
+    """An initial state begins at its prior's mean, else as measured or at rest, in any case within bounds."""
+    lower, upper = bounds
+    return float(np.clip(start if prior is None else prior.mean, lower, upper))
 
 
 def _unknown(

@@ -15,15 +15,23 @@ from jaxmuscle.recordings.units import column_unit
 
 OFFSET = "offset."
 """Prefix of the constant that a sensor adds to its column: ``offset.position``."""
+START = "start."
+"""Prefix of a state at the first sample of a recording: ``start.opening``."""
+
+
+def of_machine(path: str) -> bool:
+    """Whether a path leads into the machine, not to a sensor or to the beginning of a recording."""
+    return not path.startswith((OFFSET, START))
 
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """One number that a fit can move: a leaf of the machine, or the offset of a sensor.
+    """One number that a fit can move: a leaf of the machine, the offset of a sensor, an initial state.
 
     Attributes:
         name: what results call it: the card's name of a quantity, else its path.
-        path: where it is in the machine; ``offset.COLUMN`` for the offset of a column.
+        path: where it is in the machine; ``offset.COLUMN`` for the offset of a column, ``start.STATE`` for a
+            state at the first sample.
         value: its value in the machine (SI); 0 for an offset.
         typical: natural size (SI) of one whose value is zero, when it is known.
         shape: of a whole array, which is fitted entry by entry; its `value` is NaN.
@@ -41,7 +49,7 @@ class Place:
 
     @property
     def column(self) -> str | None:
-        """The column whose sensor's offset this is; `None` for a parameter of the machine."""
+        """The column whose sensor's offset this is; `None` for anything else."""
         return self.path.removeprefix(OFFSET) if self.path.startswith(OFFSET) else None
 
 

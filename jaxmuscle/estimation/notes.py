@@ -32,8 +32,17 @@ def notes(result: FitData) -> list[str]:
         if fitted.at_bound
     ]
     found += [f"{each.words[0].upper()}{each.words[1:]}." for each in result.undetermined]
-    found += _correlated(result) + _misfit(result)
+    found += _rough(result) + _correlated(result) + _misfit(result)
     return found
+
+
+def _rough(result: FitData) -> list[str]:
+    return [
+        f"{each.recording} from {each.begin:g} to {each.end:g} s is left out of the standard deviations: "
+        f"{each.parameter} moved by one of them should change the residuals there by {each.promised:.3g} "
+        f"(root of the sum of squares, in units of the noise), and changes them by {each.found:.3g}."
+        for each in result.rough
+    ]
 
 
 def _correlated(result: FitData) -> list[str]:

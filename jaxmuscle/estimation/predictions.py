@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.fitted import Noise
-from jaxmuscle.estimation.names import OFFSET
+from jaxmuscle.estimation.names import OFFSET, of_machine
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
@@ -42,19 +42,19 @@ def predictions(
     for number, station in enumerate(objective.stations):
         recording = station.recording
         values, index = objective.unknowns.values(u), objective.unknowns.acting_on(number)
-        offsets = {
+        beside = {
             objective.unknowns.entries[i].place.path: float(values[i])
             for i in index
-            if objective.unknowns.entries[i].place.path.startswith(OFFSET)
+            if not of_machine(objective.unknowns.entries[i].place.path)
         }
-        shifts = [jnp.asarray(x) for x in offsets.values()]
-        _, problem = moved(machines[number], station.problem, list(offsets), shifts)
+        shifts = [jnp.asarray(x) for x in beside.values()]
+        _, problem = moved(machines[number], station.problem, list(beside), shifts)
         chain = _chain(machines[number], problem)
         at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
         table: dict[str, NDArray[np.float64]] = {}
         for line in (line for line in lines if line.recording == number):
             names = station.actuator.outputs[line.output]
-            position, offset = names.index(line.column), offsets.get(OFFSET + line.column, 0.0)
+            position, offset = names.index(line.column), beside.get(OFFSET + line.column, 0.0)
             weights = _column(station.problem.weights[line.output], position, len(names))
             flat = _column(chain[line.output], position, len(names))
             predicted, fitted, std = (np.full(len(recording), np.nan) for _ in range(3))

@@ -25,6 +25,7 @@ from jaxmuscle.estimation.fitted import Fitted, Noise, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined
 from jaxmuscle.estimation.losses import Huber, Loss, Squares, Student
 from jaxmuscle.estimation.profile import Profile
+from jaxmuscle.estimation.rough import RoughWindow
 from jaxmuscle.estimation.whiteness import ResidualTest
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings import schema
@@ -98,6 +99,7 @@ def load(path: str | Path, kind: type[Result]) -> Result:
         predictions={name: _table(each) for name, each in data["predictions"].items()},
         cards={name: Card.parse(tomllib.loads(text)) for name, text in data["cards"].items()},
         settings=_settings(data["settings"]),
+        rough=tuple(RoughWindow(**each) for each in data.get("rough", ())),
         **{name: data[name] for name in ("cost", "samples", "code", "iterations", "seconds")},
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits, best
+from jaxmuscle.estimation.lane import BUDGET, FAILED, FIRST_DAMPING, Course, Lane, Limits, best
 from jaxmuscle.estimation.noise import with_estimated_noise
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.refined import refined
 from jaxmuscle.estimation.spread import weighted
-from jaxmuscle.estimation.stations import in_parts
+from jaxmuscle.estimation.stations import Station, in_parts, widened
 
 PARTS = (40, 16, 4)
 """Parts of a window on which starts are brought down first, one after the other.
@@ -33,6 +33,8 @@ MOST_NUMBERS = 4e7
 """Derivatives held at a time, which bounds the number of lanes."""
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
+CAUTIOUS = 1e-3
+"""Damping of the first step on whole windows, where the cost may be rugged and its minimum is near."""
 SAME = 1e-3
 """Distance of two points in every coordinate up to which they are one."""
 ROUNDS = 2
@@ -43,7 +45,12 @@ Tell = Callable[[str, Course], None]
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """What to search: an objective, starts, limits; `estimate`: take the noise from the residuals."""
+    """What to search: an objective, starts, limits.
+
+    Attributes:
+        estimate: take the noise from the residuals.
+        continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
+    """
 
     objective: Objective
     points: Float[NDArray, "starts k"]
@@ -51,6 +58,7 @@ class Search:
     deadline: float
     estimate: bool
     tell: Tell
+    continuation: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,17 +80,18 @@ def search(task: Search) -> Found:
         InputError: all starts failed; the reasons are counted.
     """
     objective, counted = task.objective, _Counter(task.tell)
-    limits = _limits(task)
+    limits = dataclasses.replace(_limits(task), damping=CAUTIOUS)
     begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
     now = time.monotonic()
-    first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
+    smooth = dataclasses.replace(limits, damping=FIRST_DAMPING)
+    first = dataclasses.replace(smooth, deadline=now + FIRST_SHARE * (task.deadline - now))
     lanes: list[Lane] = []
-    for many in _levels(objective):
-        parts = dataclasses.replace(objective, stations=in_parts(begun.stations, many))
+    for stage, stations in _levels(begun.stations, task.continuation):
         points, failed = _ends(lanes) if lanes else (task.points, {})
         if lanes and (_winner(lanes).code == BUDGET or time.monotonic() > first.deadline):
             break
-        lanes = _descend_distinct(parts, points, failed, first, counted.on(f"windows in {many} parts"))
+        parts = dataclasses.replace(objective, stations=stations)
+        lanes = _descend_distinct(parts, points, failed, first, counted.on(stage))
     objective = weighted(objective, _winner(lanes).u)
     points, failed = _ends(lanes)
     lanes = _descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
@@ -103,10 +112,18 @@ def search(task: Search) -> Found:
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
 
 
-def _levels(objective: Objective) -> list[int]:
-    """Numbers of parts in which windows are fitted before they are whole."""
-    shortest = min(station.period for station in objective.stations)
-    return [many for many in PARTS[:-1] if shortest >= SHORTEST_PART * many] + [PARTS[-1]]
+def _levels(
+    stations: Sequence[Station], continuation: Sequence[float]
+) -> Iterator[tuple[str, Sequence[Station]]]:
+    """What windows are fitted as before they are whole: in ever longer parts, or with ever drier friction."""
+    shortest = min(station.period for station in stations)
+    for factor in continuation:
+        name = f"friction {factor:g} times as wide"
+        yield name, widened(in_parts(stations, PARTS[-1]), factor)
+    for many in PARTS[:-1] if not continuation else ():
+        if shortest >= SHORTEST_PART * many:
+            yield f"windows in {many} parts", in_parts(stations, many)
+    yield f"windows in {PARTS[-1]} parts", in_parts(stations, PARTS[-1])
 
 
 def _ends(lanes: Sequence[Lane]) -> tuple[Float[NDArray, "starts k"], dict[int, Lane]]:
@@ -133,7 +150,8 @@ def _limits(task: Search) -> Limits:
     numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
     lanes = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, min(len(task.points), MOST_LANES)))
     lower, upper = objective.unknowns.lower, objective.unknowns.upper
-    return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples)
+    reach = objective.unknowns.reach
+    return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples, reach)
 
 
 def _descend_distinct(

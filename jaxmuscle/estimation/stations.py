@@ -162,3 +162,11 @@ def in_parts(stations: Sequence[Station], parts: int) -> list[Station]:
         )
         for s in stations
     ]
+
+
+def widened(stations: Sequence[Station], factor: float) -> list[Station]:
+    """With dry friction smoothed over motions `factor` times as large."""
+    return [
+        dataclasses.replace(s, problem=dataclasses.replace(s.problem, widening=jnp.asarray(factor)))
+        for s in stations
+    ]

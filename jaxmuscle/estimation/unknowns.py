@@ -14,6 +14,10 @@ from jaxmuscle.fitting.free import Prior
 Vector = NDArray[np.float64]
 
 
+HALF = 0.5
+"""Relative scale of a parameter of which nothing is known beforehand."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Unknown:
     """One entry of the vector.
@@ -49,6 +53,9 @@ class Unknowns:
         of = lambda values: np.array(values, dtype=float)  # noqa: E731
         self.logarithmic = np.array([e.place.positive for e in entries], dtype=bool)
         self.scale = of([e.scale for e in entries])
+        # A scale that is a narrow prior's must not make the steps short where a start is far off.
+        wide = [HALF * abs(e.start) / e.scale for e in entries]
+        self.reach = np.where(self.logarithmic, 1.0, np.maximum(of(wide), 1.0))
         self.start = of([e.start for e in entries])
         self.lower = self.coordinates(of([e.lower for e in entries]))
         self.upper = self.coordinates(of([e.upper for e in entries]))

@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxmuscle.actuators.base import AbstractActuator, Link
+from jaxmuscle.effects.base import widened_friction
 from jaxmuscle.fitting.windows import Windows
+from jaxmuscle.parameters import split_index
 from jaxmuscle.recordings.track import Observed
-from jaxmuscle.simulation import Start, Track, observe, predict
+from jaxmuscle.simulation import Start, Track, observe, predict, run, start_at_rest
 
 BROKEN = 1e4
 """Residual that stands for a prediction that is not a number: large, but no end to the fit."""
@@ -27,6 +29,9 @@ class Problem(eqx.Module):
         targets: output → measured values, window by window.
         weights: output → one over the standard deviation to be expected of the residual, zero where masked.
         period: samples after which a link is started anew from what was measured; a window, or part of one.
+        begin: states at the first sample of the recording that are neither as measured nor at rest: name of
+            a state, or of the effect whose state it is (an entry of an array by its index), → value.
+        widening: how many times as wide as it is dry friction is smoothed.
     """
 
     track: Track
@@ -37,6 +42,8 @@ class Problem(eqx.Module):
     samples: int = eqx.field(static=True)
     total: int = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
+    begin: dict[str, Array] = eqx.field(default_factory=dict)
+    widening: Array | None = None
 
     def with_weights(self, weights: Residuals) -> Problem:
         """A copy with other weights."""
@@ -85,14 +92,22 @@ def link_predictions(
         substeps: solver steps between two samples; the problem's when `None`.
     """
     steps: Any = problem.substeps if substeps is None else substeps
-    # States carried apart: what fits need, forward derivatives of many windows, is faster by a tenth.
-    hidden = observe(actuator, problem.track, problem.total, steps)
+    problem = _begun(problem)
+    if problem.widening is not None:
+        with widened_friction(problem.widening):
+            return _links(actuator, problem, steps)
+    return _links(actuator, problem, steps)
+
+
+def _links(actuator: AbstractActuator, problem: Problem, steps: Any) -> Residuals:
+    hidden = _hidden(actuator, problem, steps)
     return {link.output: _predict(actuator, problem, link, hidden, steps) for link in actuator.links}
 
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Every output predicted from the command alone, window by window."""
-    hidden = observe(actuator, problem.track, problem.total, problem.substeps)
+    problem = _begun(problem)
+    hidden = _hidden(actuator, problem, problem.substeps)
     return predict(
         actuator,
         problem.track,
@@ -159,6 +174,41 @@ def _neighbours(values: Array, problem: Problem) -> tuple[Array, Array]:
     early = jnp.where(jnp.roll(counts, -1).at[-1].set(False).reshape(-1, *[1] * (values.ndim - 1)),
                       jnp.roll(values, -1, axis=0), values)  # fmt: skip
     return late, early
+
+
+def _begun(problem: Problem) -> Problem:
+    """With the measured states of the first sample as `begin` says."""
+    measured = dict(problem.track.measured)
+    for path, value in problem.begin.items():
+        name, index = split_index(path)
+        if name in measured:
+            measured[name] = measured[name].at[(0, *(index or ()))].set(value)
+    return eqx.tree_at(lambda p: p.track.measured, problem, measured)
+
+
+def _hidden(actuator: AbstractActuator, problem: Problem, substeps: Any) -> Start:
+    """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
+    track = problem.track
+    own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
+    if not own:
+        return observe(actuator, track, problem.total, substeps)
+    imposed = (*actuator.measured, *actuator.derivatives)
+    rest = start_at_rest(actuator, track)
+    state, memory = {**rest.state, "effects": dict(rest.state["effects"])}, dict(rest.memory)
+    for path, value in own.items():
+        name, index = split_index(path)
+        place = next(group for group in (state, state["effects"], memory) if name in group)
+        place[name] = place[name].at[index or ()].set(value)
+    return run(
+        actuator,
+        track,
+        Start(state, memory),
+        jnp.asarray(0),
+        samples=problem.total,
+        imposed=imposed,
+        substeps=substeps,
+        keep=tuple(name for name in state if name not in imposed),
+    ).states
 
 
 def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start, substeps: Any) -> Array:

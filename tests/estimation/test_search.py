@@ -10,9 +10,6 @@ from oracles import bench
 from oracles.joint import joint
 
 import jaxmuscle as jm
-from jaxmuscle.estimation.layout import Asked, layout
-from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.search import _levels
 from jaxmuscle.estimation.stations import station
 
@@ -20,14 +17,20 @@ from jaxmuscle.estimation.stations import station
 def test_windows_are_cut_as_long_as_parts_have_samples():
     machine = drive()
 
-    def levels(horizon):
+    def levels(horizon, continuation=()):
         recording = jm.recording(machine, measured(), STEP, horizon=horizon)
-        unknowns = layout(machine, [recording], ["own"], Asked(["mass"]))
-        return _levels(Objective([station(machine, recording, "own", None, {})], unknowns, Squares()))
+        found = list(_levels([station(machine, recording, "own", None, {})], continuation))
+        periods = [int(stations[0].problem.period) for _, stations in found]
+        whole = round((horizon or 4.0) / STEP)
+        assert periods == sorted(periods) and periods[-1] == -(-whole // 4)
+        return [name for name, _ in found]
 
-    assert levels(None) == [40, 16, 4]
-    assert levels(1.0) == [16, 4]
-    assert levels(0.1) == [4]
+    assert levels(None) == ["windows in 40 parts", "windows in 16 parts", "windows in 4 parts"]
+    assert levels(1.0) == ["windows in 16 parts", "windows in 4 parts"]
+    assert levels(0.1) == ["windows in 4 parts"]
+    assert levels(None, (30.0, 6.0)) == [
+        "friction 30 times as wide", "friction 6 times as wide", "windows in 4 parts"
+    ]  # fmt: skip
 
 
 def test_out_of_time_on_the_way_through_the_parts():

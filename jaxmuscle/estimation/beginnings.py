@@ -1,0 +1,78 @@
+"""Initial states as parameters of a fit: what ``start.STATE`` stands for in a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation.names import START, Place
+from jaxmuscle.parameters import entries_of
+from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.units import column_unit
+from jaxmuscle.simulation import Track, start_at_rest
+
+UNITS = {"pressure": "Pa", "pressure_rate": "Pa/s", "current": "A", "temperature": "K"}
+"""Units of hidden states by name; of a position or velocity they are the rig's, of any other none is told."""
+
+
+def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, Place]:
+    """Every state at the first sample of a recording that a fit can move, by its name and by its entries.
+
+    A measured state and its rate, unless the bench imposes them; a hidden state of the machine; the state of
+    an effect that is one array of numbers (of creep, of play operators), by the effect's name. Values are the
+    first readings, or those at rest under them.
+    """
+    found: dict[str, Place] = {}
+    for name, value in _resting(actuator, recording).items():
+        values = np.asarray(value)
+        unit, path = _unit(actuator, name), START + name
+        kind = "as smoothed" if name in {*actuator.measured, *actuator.derivatives} else "at rest"
+        meaning = f"{name} at the first sample of the recording, in place of that {kind}"
+        if values.shape:
+            found[path] = Place(path, path, float("nan"), unit, meaning, shape=values.shape)
+        for own, entry in zip(entries_of(path, values), values.ravel(), strict=True):
+            found[own] = Place(own, own, float(entry), unit, meaning)
+    return found
+
+
+def _resting(actuator: AbstractActuator, recording: Recording) -> dict[str, Array]:
+    """The states with which the recording begins when nothing is fitted, the imposed ones apart."""
+    first = {state: _first(recording, columns) for state, columns in actuator.measured.items()}
+    measured = first | {rate: jnp.zeros_like(first[base]) for rate, base in actuator.derivatives.items()}
+    command = _first(recording, actuator.commands) if actuator.commands else jnp.zeros(())
+    rows = {name: value[None] for name, value in measured.items()}
+    start = start_at_rest(actuator, Track(jnp.asarray(recording.step), command[None], rows))
+    states: dict[str, Array] = {name: v for name, v in start.state.items() if name != "effects"}
+    effects: Mapping[str, object] = {**start.state["effects"], **start.memory}
+    states |= {name: v for name, v in effects.items() if _numbers(v)}  # pyright: ignore
+    return {name: value for name, value in states.items() if name not in actuator.imposed}
+
+
+def _first(recording: Recording, columns: tuple[str, ...]) -> Array:
+    """The first reading of each column that is a number."""
+    values = [recording.columns[column] for column in columns]
+    first = [float(v[np.isfinite(v)][0]) if np.isfinite(v).any() else 0.0 for v in values]
+    return jnp.asarray(first[0] if len(first) == 1 else first)
+
+
+def _numbers(value: object) -> bool:
+    return isinstance(value, jnp.ndarray) and jnp.issubdtype(value.dtype, jnp.floating)
+
+
+def _unit(actuator: AbstractActuator, name: str) -> str:
+    base = actuator.derivatives.get(name, name)
+    per = "/s" if name in actuator.derivatives else ""
+    if base in actuator.measured:
+        return column_unit(actuator.measured[base][0], actuator.units.get("command")) + per
+    motion = actuator.units.get("motion", "")
+    moving = {
+        "position": motion,
+        "angle": motion,
+        "velocity": f"{motion}/s",
+        "angular_velocity": f"{motion}/s",
+    }
+    return {**UNITS, **moving}.get(name, "")

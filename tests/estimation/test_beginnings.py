@@ -1,0 +1,166 @@
+"""Initial states as parameters: recordings that begin in the middle of a motion."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from estimation.made import DAMPING, changed, pulled, within
+from oracles import bench
+from oracles.isotonic import isotonic
+from oracles.recorded import smooth_motion
+
+import jaxmuscle as jm
+from jaxmuscle import InputError
+from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.slopes import values_and_slopes
+from jaxmuscle.estimation.stations import station
+
+FIRST, LENGTH = 180, 260
+"""First sample and number of samples of a part in which the valve is half open from the start."""
+SLOW_VALVE = {**bench.CARDS["isotonic"], "valve_time_constant": 0.08}
+STIFFNESS, FAST, SLOW = 500.0, 0.5, 3.0
+BEGIN = (0.02, 0.005)
+"""States of a creep that began long before the recording."""
+
+
+@pytest.fixture(scope="module")
+def part():
+    """The lifting bench with a slow valve, from the oracle; recorded only from the middle of a charge on."""
+    command = bench.isotonic_command()[FIRST - 150 : FIRST + LENGTH]
+    pressure, position, _ = isotonic(SLOW_VALVE, DAMPING, command, bench.STEPS["isotonic"], bench.AMBIENT, 4)
+    rng, rows = np.random.default_rng(0), slice(150, None)
+    columns = {
+        "command": command[rows],
+        "pressure": pressure[rows] + 200 * rng.normal(size=LENGTH),
+        "position": position[rows] + 1e-5 * rng.normal(size=LENGTH),
+    }
+    machine = jm.replace(bench.model("isotonic", **DAMPING), {"valve.time_constant": 0.08})
+    noise = {"pressure": 200.0, "position": 1e-5}
+    return machine, jm.recording(machine, columns, bench.STEPS["isotonic"], noise=noise, name="part")
+
+
+def opening_at(row, command, tau=0.08, step=bench.STEPS["isotonic"]):
+    """Of a first-order valve from rest, exactly."""
+    opening = 0.0
+    for u in command[:row]:
+        opening += (u / 5.0 - opening) * (1 - np.exp(-step / tau))
+    return opening
+
+
+@pytest.mark.slow
+def test_a_valve_that_is_open_already(part):
+    """Taken to be shut, it has another area; as a parameter, area and opening are found."""
+    machine, recording = part
+    rest = jm.fit(machine, recording, ["valve_area"])
+    fit = jm.fit(machine, recording, ["valve_area", "start.opening"], bounds={"start.opening": (-1, 1)})
+    assert abs(rest.values["valve_area"] / 2e-6 - 1) > 0.2
+    assert within(fit, "valve_area", 2e-6)
+    true = opening_at(150, bench.isotonic_command()[FIRST - 150 :])
+    assert abs(true) > 0.1
+    assert within(fit, "start.opening", true) and fit.std["start.opening"] < 0.05
+    assert fit.cost < 0.2 * rest.cost
+
+
+def crept(seed=0, name="crept"):
+    """A pulled muscle with creep that began before the recording; exact in plain NumPy."""
+    plain = pulled(seed, name=name)
+    strain = smooth_motion(8.0)[1] / 0.3
+    force = np.zeros(len(strain))
+    for begin, tau in zip(BEGIN, (FAST, SLOW), strict=True):
+        z = begin
+        for row, (now, then) in enumerate(zip(strain, [*strain[1:], strain[-1]], strict=True)):
+            force[row] -= STIFFNESS / 2 * z
+            slope, fade = (then - now) / 0.01, np.exp(-0.01 / tau)
+            z = then - tau * slope + (z - now + tau * slope) * fade
+    return changed(plain, force=plain.columns["force"] + force)
+
+
+@pytest.fixture(scope="module")
+def creeping():
+    creep = jm.effects.Creep(stiffness=STIFFNESS, fast_time=FAST, slow_time=SLOW)  # pyright: ignore
+    recording = crept()
+    return jm.actuator(recording.card).with_effects(creep=creep), recording
+
+
+def test_creep_that_is_not_at_rest(creeping, tmp_path):
+    machine, recording = creeping
+    free = ["creep.stiffness", "end_factor"]
+    rest = jm.fit(machine, recording, free, priors={"end_factor": None})
+    fit = jm.fit(machine, recording, [*free, "start.creep"], priors={"end_factor": None})
+    assert abs(rest.values["effects.creep.stiffness"] / STIFFNESS - 1) > 0.1
+    assert within(fit, "effects.creep.stiffness", STIFFNESS)
+    for i, true in enumerate(BEGIN):
+        assert within(fit, f"start.creep[{i}]", true) and fit.std[f"start.creep[{i}]"] < 0.01
+    loaded = jm.FitResult.load(fit.save(tmp_path / "fit.json"))
+    assert loaded.parameters == fit.parameters and loaded.settings["free"] == fit.settings["free"]
+    assert "start.creep[0]" in fit.to_card().description
+    again = loaded.refit(recording)
+    assert again.cost == pytest.approx(fit.cost, rel=1e-4)
+
+
+def test_each_recording_has_its_own(creeping):
+    machine, recording = creeping
+    other = dataclasses.replace(crept(1), name="other")
+    fit = jm.fit(
+        machine,
+        [recording, other],
+        ["creep.stiffness"],
+        shared=["start.creep[1]"],
+        per_recording=["start.creep[0]"],
+        priors={"start.creep[0]": (0.0, 0.1)},
+        bounds={"start.creep[0]": (-0.05, 0.05)},
+    )
+    names = ("effects.creep.stiffness", "start.creep[1]", "start.creep[0][crept]", "start.creep[0][other]")
+    assert set(fit.parameters) == set(names)
+    own = fit.parameters["start.creep[0][other]"]
+    assert (own.prior, own.lower, own.recording) == ((0.0, 0.1), -0.05, "other")
+    assert own.start == 0.0 and abs(own.value - BEGIN[0]) < 4 * own.std
+
+
+def test_slopes_by_initial_states_are_differences(part):
+    """A hidden state, a measured one and its rate: nothing is as measured at the first sample."""
+    machine, recording = part
+    place = station(machine, recording, "part", None, {})
+    paths = ("start.opening", "start.pressure", "start.velocity")
+    at, steps = jnp.array([[0.3, 2.5e5, 0.1]]), (1e-6, 1.0, 1e-6)
+    _, slopes = values_and_slopes(at, place.actuator, place.problem, paths)
+    for i, h in enumerate(steps):
+        there, back = (
+            values_and_slopes(at + s * h * np.eye(3)[i], place.actuator, place.problem, paths)[0]
+            for s in (1, -1)
+        )
+        difference = np.asarray(there - back)[0] / (2 * h)
+        np.testing.assert_allclose(slopes[0, i], difference, rtol=1e-4, atol=1e-5 * np.abs(difference).max())
+        assert np.abs(difference).max() > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("start.opning", "unknown parameter 'start.opning'; did you mean 'start.opening'"),
+        ("start.opening[0]", "unknown parameter 'start.opening.0.'; did you mean 'start.opening'"),
+        ("start.effects", "unknown parameter 'start.effects'"),
+    ],
+)
+def test_states_that_there_are_not(part, name, told):
+    machine, recording = part
+    with pytest.raises(InputError, match=told):
+        jm.fit(machine, recording, ["mass", name])
+
+
+def test_what_the_bench_imposes_has_no_beginning():
+    recording = pulled()
+    with pytest.raises(InputError, match="unknown parameter 'start.pressure'"):
+        layout(jm.actuator(recording.card), [recording], ["a"], Asked(["start.pressure"]))
+
+
+def test_units_and_values_where_nothing_is_fitted(part):
+    machine, recording = part
+    names = ["start.opening", "start.pressure", "start.position", "start.velocity"]
+    bounds = {"start.opening": (0.1, None)}
+    found = {e.name: e for e in layout(machine, [recording], ["part"], Asked(names, bounds=bounds)).entries}
+    assert [found[name].place.unit for name in names] == ["", "Pa", "m", "m/s"]
+    assert found["start.pressure"].start == recording.columns["pressure"][0]
+    # Rest would be 0.
+    assert found["start.opening"].start == 0.1
