@@ -19,7 +19,7 @@ LAMINAR_RATIO = 0.999
 """Above this pressure ratio the flow is linear in the pressure difference (laminar range of ISO 6358)."""
 _QUARTIC = Chebyshev.interpolate(lambda ratio: ratio ** (1 / 7), 4, domain=[CRITICAL_RATIO, 1.0])
 SEVENTH = tuple(map(float, _QUARTIC.convert(kind=Polynomial).coef[::-1]))
-"""Coefficients of the quartic that is nearest to β^(1/7) from the critical ratio to 1, highest first."""
+"""Coefficients of a quartic near β^(1/7) from the critical ratio to 1, highest first."""
 
 Value = Float[Array, "..."]
 
@@ -77,8 +77,8 @@ def _root_slope(primals, tangents):
 def _seventh_root(ratio: Value) -> Value:
     """With γ = 7/5 the only power that is needed, β^(1/7), to rounding from the critical ratio to 1.
 
-    The best quartic is right to 6e-6; one step of Halley's rule, which cubes the error, does the rest. A
-    power function, which XLA does not vectorise in double precision, was two thirds of a vector field.
+    The quartic is right to 6e-6; one step of Halley's rule, which cubes the error, does the rest. A power
+    function, which XLA does not vectorise in double precision, was two thirds of a vector field.
     """
     guess = functools.reduce(lambda value, coefficient: value * ratio + coefficient, SEVENTH)
     power = guess**7

@@ -37,13 +37,20 @@ class Run(eqx.Module):
 
 
 class Carry(NamedTuple):
-    """What a run carries from sample to sample: states, memories, step control, controller, commands."""
+    """What a run carries from sample to sample: states, memories, step control; in a loop also `Loop`."""
 
     own: State
     memory: States
     course: Any
+    loop: Any
+
+
+class Loop(NamedTuple):
+    """State of the controller, the command that is held, and all commands so far, for delays."""
+
     control: Any
-    table: Any
+    held: Array
+    table: Array
 
 
 class Sample(NamedTuple):
@@ -80,7 +87,7 @@ def run(
         keep: states whose value at each sample is returned beside the readings.
         restarts: when the run begins anew from what was measured; never when `None`.
         method: a name of `stepping.METHODS`; the machine's own when `None`.
-        tolerance: of steps under error control (:func:`jaxmuscle.stepping.controlled`).
+        tolerance: of steps under error control (:func:`jaxmuscle.stepping.advance`).
         feedback: a controller whose commands take the place of the track's. At a sample it is shown
             readings under the command that was held so far (at the first, the track's).
 
@@ -93,7 +100,7 @@ def run(
     plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free))
 
     def sample(carry: Carry, at: Sample):
-        own, memory, course, control, table = carry
+        own, memory, course, loop = carry
         if track.begins is not None:
             fresh = start_at_rest(actuator, track, at.row)
             own, memory = _fresh_where(track.begins[at.row], fresh, own, memory)
@@ -104,35 +111,34 @@ def run(
         interval = Interval(
             actuator, track.step, at.command, past_at(actuator, track, at.row), at.now, at.then
         )
-        if feedback is not None:
+        if loop is not None:
             # Until the controller has spoken, the command is still that of the interval before.
-            table = table.at[at.row].set(table[jnp.maximum(at.row - 1, 0)])
-            interval = _under(table, interval, track, at.row)
+            interval, loop = _under(loop, interval, track, at.row)
         state = interval.whole(own, 0.0)
         readings = actuator.readings(actuator.signals(state, interval.held(memory)))
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
-        if feedback is not None:
-            control, command = feedback.update(control, readings, at.number)
-            table = table.at[at.row].set(command)
-            interval = _under(table, interval, track, at.row)
+        if feedback is not None and loop is not None:
+            control, command = feedback.update(loop.control, readings, at.number)
+            interval, loop = _under(Loop(control, command, loop.table), interval, track, at.row)
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
-        return Carry(own, memory, course, control, table), (readings, kept, interval.command)
+        return Carry(own, memory, course, loop), (readings, kept, interval.command)
 
     begin = Carry(
         free,
         start.memory,
         None if tolerance is None else begin_course(width, free),
-        None if feedback is None else feedback.start,
-        None if feedback is None else track.command,
+        None if feedback is None else Loop(feedback.start, track.command[row], track.command),
     )
     _, found = jax.lax.scan(sample, begin, _known(track, row, samples, imposed))
     return Run(*found)
 
 
-def _under(table: Array, interval: Interval, track: Track, row: Array) -> Interval:
-    """The interval under the commands of a table."""
+def _under(loop: Loop, interval: Interval, track: Track, row: Array) -> tuple[Interval, Loop]:
+    """The interval under the command that is held, which is written down."""
+    table = loop.table.at[row].set(loop.held)
     given = eqx.tree_at(lambda track: track.command, track, table)
-    return dataclasses.replace(interval, command=table[row], past=past_at(interval.actuator, given, row))
+    past = past_at(interval.actuator, given, row)
+    return dataclasses.replace(interval, command=loop.held, past=past), loop._replace(table=table)
 
 
 def _known(track: Track, row: Array, samples: int, imposed: tuple[str, ...]) -> Sample:
