@@ -46,11 +46,11 @@ class Carry(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """State of the controller, the command that is held, and all commands so far, for delays."""
+    """State of the controller, the command that is held; and all so far, where an effect reads the past."""
 
     control: Any
     held: Array
-    table: Array
+    table: Array | None
 
 
 class Sample(NamedTuple):
@@ -123,11 +123,15 @@ def run(
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
         return Carry(own, memory, course, loop), (readings, kept, interval.command)
 
+    # Without a delay the table would make the loop larger and its cotangent dense, for nothing.
+    late = any("past" in effect.reads for effect in actuator.effects.values())
     begin = Carry(
         free,
         start.memory,
         None if tolerance is None else begin_course(width, free),
-        None if feedback is None else Loop(feedback.start, track.command[row], track.command),
+        None
+        if feedback is None
+        else Loop(feedback.start, track.command[row], track.command if late else None),
     )
     _, found = jax.lax.scan(sample, begin, _known(track, row, samples, imposed))
     return Run(*found)
@@ -135,6 +139,8 @@ def run(
 
 def _under(loop: Loop, interval: Interval, track: Track, row: Array) -> tuple[Interval, Loop]:
     """The interval under the command that is held, which is written down."""
+    if loop.table is None:
+        return dataclasses.replace(interval, command=loop.held), loop
     table = loop.table.at[row].set(loop.held)
     given = eqx.tree_at(lambda track: track.command, track, table)
     past = past_at(interval.actuator, given, row)
