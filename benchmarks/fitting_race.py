@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from jaxmuscle.estimation.arguments import prepared
+from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import Limits
-from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Local, Objective
 from jaxmuscle.estimation.slopes import residual_vector

@@ -40,7 +40,7 @@ ORDER = (
 ON_THE_SIDE = {"samples": {"errors"}, "settings": set()}
 """Data and the like that any may import, and what they may import themselves."""
 DOORS = {
-    "diffrax": {"stepping.py", "chebyshev.py", "exponential.py", "runge_kutta.py"},
+    "diffrax": {"stepping/methods.py", "chebyshev.py", "exponential.py", "runge_kutta.py"},
     "optimistix": {"fitting/fit.py", "fitting/loops.py", "analysis/equilibrium.py", "analysis/settling.py"},
 }
 """Libraries that only these modules may import."""

@@ -18,11 +18,15 @@ State = dict[str, Any]
 
 
 class Held(eqx.Module):
-    """What stays as it is during one solver step: the command, its past, the memories of effects."""
+    """What stays as it is during one solver step: the command, its past, the memories of effects.
+
+    `widening`: how many times as wide as it is dry friction is smoothed (:func:`slip_of_mass`; `None`: once).
+    """
 
     command: Any
     past: Past | None
     memory: States
+    widening: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -56,7 +56,8 @@ class Driven(AbstractActuator):
         )
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
-        friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip_of_velocity(state["velocity"])
+        slip = slip_of_velocity(state["velocity"], widening=held.widening)
+        friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip
         signals = signals.having(force=signals.muscle_force - friction)
         return self._with(signals, FORCE_READING, signals.force, states)
 

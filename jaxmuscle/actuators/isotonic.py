@@ -103,7 +103,7 @@ class Isotonic(AbstractActuator):
         signals = self._with(signals, LOAD, signals.muscle_force - self.mass * STANDARD_GRAVITY, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals)
         in_guide = friction_limit(self.effects, LOAD, signals)
-        slip = slip_of_mass(signals.load, self.mass * signals.velocity, in_threads + in_guide)
+        slip = slip_of_mass(signals.load, self.mass * signals.velocity, in_threads + in_guide, held.widening)
         return signals.having(
             muscle_force=signals.muscle_force - in_threads * slip,
             load=signals.load - (in_threads + in_guide) * slip,

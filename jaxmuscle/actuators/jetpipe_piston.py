@@ -105,7 +105,7 @@ class JetPipePiston(AbstractJetPipe):
         net = self.cylinder.force(signals.pressure) - rod + self.piston.end_force(x, v)
         signals = self._with(signals, LOAD, net - self.piston.viscous_force(v), states)
         limit = self.piston.dry_limit(v) + friction_limit(self.effects, LOAD, signals)
-        slip = slip_of_mass(signals.load, self.piston.mass * v, limit)
+        slip = slip_of_mass(signals.load, self.piston.mass * v, limit, held.widening)
         signals = signals.having(load=signals.load - limit * slip, force=rod)
         return self._with(signals, FORCE_READING, rod, states)
 

@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.case import Case
-from jaxmuscle.fitting.problem import Problem, Residuals, chain_predictions
+from jaxmuscle.fitting.predictions import chain_predictions
+from jaxmuscle.fitting.problem import Problem, Residuals
 from jaxmuscle.recordings.smooth import WINDOWS
 
 REACH = max(WINDOWS) // 2

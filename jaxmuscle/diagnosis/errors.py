@@ -10,7 +10,7 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.beginnings import begun
 from jaxmuscle.diagnosis.result import Error
 from jaxmuscle.fitting.case import Case
-from jaxmuscle.fitting.problem import chain_predictions
+from jaxmuscle.fitting.predictions import chain_predictions
 from jaxmuscle.recordings.units import column_unit
 
 Series = NDArray[np.float64]

@@ -19,7 +19,8 @@ from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.case import Case, case
-from jaxmuscle.fitting.problem import Problem, expected_spread
+from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.fitting.spread import expected_spread
 from jaxmuscle.recordings.recording import Recording
 
 MOST_EFFECTS = 3

@@ -16,7 +16,8 @@ from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.fit import Minimum, minimise, sensitivities
 from jaxmuscle.fitting.free import Free, Prior, free
-from jaxmuscle.fitting.problem import Problem, Residuals, evaluate
+from jaxmuscle.fitting.problem import Problem, Residuals
+from jaxmuscle.fitting.residuals import evaluate
 from jaxmuscle.parameters import get, parameters, replace
 
 SPARE = 6

@@ -8,9 +8,7 @@ parameter that is its strength; rigs and the diagnosis know nothing else about i
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -102,7 +100,6 @@ class AbstractMemoryEffect(AbstractEffect):
 
 STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
-_WIDENING: ContextVar[Array | float] = ContextVar("widening", default=1.0)
 
 Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]
@@ -145,36 +142,43 @@ def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | fl
     return sum(limits, start=0.0)
 
 
-def slip_of_mass(driving: Array, momentum: Array, limit: Array | float) -> Array:
+def slip_of_mass(
+    driving: Array, momentum: Array, limit: Array | float, widening: Array | float | None = None
+) -> Array:
     r"""Slip of a mass under dry friction: :math:`\mathrm{clip}((F + m v/τ)/L, -1, 1)`.
 
     The Coulomb law with a true sticking phase (Kikuuwe et al., IEEE Trans. Robotics 22, 2006): friction
     balances the driving force F and brings the mass to rest within τ as long as its limit L suffices, and
     slides at the limit otherwise. Not stiffer than 1/τ however large the friction. At L = 0 it is the sign
     of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
+
+    Args:
+        driving: force F.
+        momentum: m v.
+        limit: L, not negative.
+        widening: factor of τ, for the first stages of a fit: `held.widening` of a rig (`None`: 1).
     """
-    wanted = driving + momentum / (STICKING_TIME * _WIDENING.get())
+    wanted = force_to_rest(driving, momentum, widening)
     some = jnp.asarray(limit) > 0
     ratio = wanted / jnp.where(some, limit, 1.0)
     return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
 
 
-def slip_of_velocity(velocity: Array, width: float = 1e-4) -> Array:
-    """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s]."""
-    return jnp.tanh(velocity / (width * _WIDENING.get()))
+def force_to_rest(driving: Array, momentum: Array, widening: Array | float | None = None) -> Array:
+    """Friction that would bring a mass to rest within τ, F + m v/τ; arguments as :func:`slip_of_mass`."""
+    return driving + momentum / _widened(STICKING_TIME, widening)
 
 
-@contextmanager
-def widened_friction(factor: Array | float) -> Iterator[None]:
-    """Within it dry friction is smoothed over motions `factor` times as large; what is traced in it keeps it.
+def slip_of_velocity(velocity: Array, width: float = 1e-4, widening: Array | float | None = None) -> Array:
+    """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s].
 
-    For the first stages of a fit, which may go from wide to narrow.
+    `widening`: factor of the width, as in :func:`slip_of_mass`.
     """
-    token = _WIDENING.set(factor)
-    try:
-        yield
-    finally:
-        _WIDENING.reset(token)
+    return jnp.tanh(velocity / _widened(width, widening))
+
+
+def _widened(width: float, widening: Array | float | None) -> Array | float:
+    return width if widening is None else width * widening
 
 
 def initial_states(effects: Effects, signals: Signals) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -17,7 +17,7 @@ class ThreadFriction(AbstractFrictionEffect):
 
     .. math:: F_{max} = f\,S(ε)\,P,\quad f = f_k + (f_s - f_k)\,e^{-|\dot x|/\dot x_s}
 
-    [T] equations 11 and 15 to 17; f_s, f_k are the dossier's f_s/n, f_k/n. S: contact surface [m²],
+    [T] equations 11 and 15 to 17; f_s, f_k here are f_s/n, f_k/n there. S: contact surface [m²],
     P: gauge pressure [Pa], ẋ: contraction velocity [m/s].
     """
 

@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
-from jaxmuscle.estimation.layout import Asked, PriorLike, known_places, layout
+from jaxmuscle.estimation.asked import Asked, PriorLike
+from jaxmuscle.estimation.layout import known_places, layout
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing import Mask
 from jaxmuscle.estimation.names import columns, expanded, resolve
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.padding import aligned
 from jaxmuscle.estimation.starts import given_starts, spread_starts
-from jaxmuscle.estimation.stations import aligned, station
+from jaxmuscle.estimation.stations import station
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.recordings.recording import Recording
 

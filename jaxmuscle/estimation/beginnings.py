@@ -24,14 +24,16 @@ def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, 
 
     A measured state and its rate, unless the bench imposes them; a hidden state of the machine; the state of
     an effect that is one array of numbers (of creep, of play operators), by the effect's name. Values are the
-    first readings, or those at rest under them.
+    first readings (as they are, not smoothed as a state is that is not fitted), zero for a rate, or those at
+    rest under them.
     """
     found: dict[str, Place] = {}
     for name, value in _resting(actuator, recording).items():
         values = np.asarray(value)
         unit, path = _unit(actuator, name), START + name
-        kind = "as smoothed" if name in {*actuator.measured, *actuator.derivatives} else "at rest"
-        meaning = f"{name} at the first sample of the recording, in place of that {kind}"
+        begin = "zero" if name in actuator.derivatives else "rest"
+        begin = "its first reading" if name in actuator.measured else begin
+        meaning = f"{name} at the first sample of the recording; without a prior a fit begins at {begin}"
         if values.shape:
             found[path] = Place(path, path, float("nan"), unit, meaning, shape=values.shape)
         for own, entry in zip(entries_of(path, values), values.ravel(), strict=True):

@@ -36,7 +36,7 @@ class FitData:
             of them) and ``COLUMN predicted`` (from the command alone, window by window); NaN where nothing
             counts or is predicted.
         cards: recording → its card.
-        rough: windows that are left out of the standard deviations, their derivatives being none.
+        rough: windows that are left out of what is known of a parameter, their derivatives being none.
         settings: the arguments with which the fit can be done again.
     """
 

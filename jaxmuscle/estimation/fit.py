@@ -17,9 +17,9 @@ from jaxmuscle.estimation.arguments import (
     profiled,
     widths,
 )
+from jaxmuscle.estimation.asked import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.conclude import conclude
 from jaxmuscle.estimation.lane import Course
-from jaxmuscle.estimation.layout import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.losses import Loss, loss_named
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
@@ -66,7 +66,8 @@ def fit(
         free: names of what is fitted: card quantities, paths, ``offset.COLUMN``, arrays (all their entries)
             and entries of arrays (``weights[3]``), and states at the first sample, ``start.STATE``, which
             otherwise are as measured or at rest; what the cards call uncertain when `None`. Names in
-            `shared` and `per_recording` are free too.
+            `shared` and `per_recording` are free too. :func:`jaxmuscle.simulate` takes fitted states as its
+            `start`, without the ``start.``.
         priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
         masks: rows that are bad: for one recording a boolean array or column → array; for several a
@@ -76,13 +77,13 @@ def fit(
             the residuals themselves; by default the card's, or what the fourth differences of the data show.
         starts: number of starts (the machine's own, then a Latin hypercube over the priors), or what each
             of them begins with.
-        shared, per_recording: names with one value for all recordings (all are, by default), and with one
-            for each.
+        shared, per_recording: names with one value for all recordings, and with one for each. By default
+            all are shared but ``start.STATE``.
         profiles: names whose profile likelihood is computed.
         continuation: factors by which dry friction is smoothed more widely at first, from wide to narrow:
-            ``(30, 6)``. These stages take the place of the shorter parts of a window, which do more: of 16
-            starts 50 % off on a joint that sticks, 16 arrive by way of the parts, 14 by way of ``(30, 6)``,
-            11 by neither; on a drive with Coulomb friction all do either way.
+            ``(30, 6)``. These stages take the place of the shortest parts of a window, which did as well or
+            better where both were tried: a second way for a fit that does not arrive by the first.
+            A rig of your own takes part when it hands `held.widening` to `slip_of_mass`.
         budget: seconds after which the best so far is returned.
         steps: most steps of a start.
         seed: of the Latin hypercube.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -11,33 +10,13 @@ import numpy as np
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import agreed_prior, card_entry
+from jaxmuscle.estimation.asked import Asked, Bounds, read_bounds, read_prior
 from jaxmuscle.estimation.beginnings import start_places
 from jaxmuscle.estimation.names import START, Place, columns, expanded, places, resolve
-from jaxmuscle.estimation.unknowns import HALF, Unknown, Unknowns
+from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.estimation.within import unknown_within
 from jaxmuscle.fitting.free import Prior
 from jaxmuscle.recordings.recording import Recording
-
-PriorLike = Prior | tuple[float, float] | None
-Bounds = tuple[float | None, float | None]
-
-
-@dataclasses.dataclass(frozen=True)
-class Asked:
-    """What the user asks for, names as they were written; see :func:`jaxmuscle.fit`."""
-
-    free: Sequence[str] | None = None
-    shared: Sequence[str] = ()
-    per_recording: Sequence[str] = ()
-    priors: Mapping[str, PriorLike] = dataclasses.field(default_factory=dict)
-    bounds: Mapping[str, Bounds] = dataclasses.field(default_factory=dict)
-    profiles: Sequence[str] = ()
-    continuation: tuple[float, ...] = ()
-
-    @property
-    def initial_states(self) -> bool:
-        """Whether any of the names is that of an initial state."""
-        names = (*(self.free or ()), *self.shared, *self.per_recording, *self.priors, *self.bounds)
-        return any(name.startswith(START) for name in (*names, *self.profiles))
 
 
 def known_places(
@@ -76,8 +55,10 @@ def layout(
         raise InputError(
             f"free: {nothing[0]!r} is not a number (NaN) in the machine; give it a value to start at"
         )
-    priors = _named(known, chosen, asked.priors, "priors", _prior)
-    bounds = _named(known, chosen, asked.bounds, "bounds", _bounds)
+    # Recordings begin each in its own way: an initial state is shared only where that is asked for.
+    own |= {n: p for n, p in chosen.items() if p.path.startswith(START) and n not in shared}
+    priors = _named(known, chosen, asked.priors, "priors", read_prior)
+    bounds = _named(known, chosen, asked.bounds, "bounds", read_bounds)
     entries = []
     for name, place in chosen.items():
         groups = [(i,) for i in range(len(recordings))] if name in own else [tuple(range(len(recordings)))]
@@ -88,7 +69,7 @@ def layout(
             start = _start(by_recording[group[0]][name], cards) if name in own else place.value
             if place.path.startswith(START):
                 start = _beginning(start, prior, bounds.get(name, (None, None)))
-            entries.append(_unknown(label, place, group, start, prior, bounds.get(name, (None, None))))
+            entries.append(unknown_within(label, place, group, start, prior, bounds.get(name, (None, None))))
     return Unknowns(entries)
 
 
@@ -102,32 +83,6 @@ def _beginning(start: float, prior: Prior | None, bounds: Bounds) -> float:
     """An initial state begins at its prior's mean, else as measured or at rest, in any case within bounds."""
     lower, upper = bounds
     return float(np.clip(start if prior is None else prior.mean, lower, upper))
-
-
-def _unknown(
-    name: str, place: Place, recordings: tuple[int, ...], start: float, prior: Prior | None, bounds: Bounds
-) -> Unknown:
-    floor = 0.0 if place.positive or place.nonnegative else -math.inf
-    lower = floor if bounds[0] is None else max(bounds[0], floor)
-    upper = math.inf if bounds[1] is None else bounds[1]
-    within = f"{lower:g} to {upper:g} {place.unit}".rstrip()
-    if not lower < upper:
-        raise InputError(f"bounds of {name}: expected a lower one below the upper one; got {within}")
-    if not lower <= start <= upper or (place.positive and start <= 0):
-        raise InputError(
-            f"bounds of {name}: its start, {start:g}, is not within {within}; "
-            f"widen the bounds, or start elsewhere: jaxmuscle.replace(actuator, {{{place.path!r}: …}})"
-        )
-    if prior is not None:
-        if not (math.isfinite(prior.mean) and 0 < prior.std < math.inf):
-            raise InputError(f"prior of {name}: expected (mean, std) with a std above zero; got {prior}")
-        if not lower <= prior.mean <= upper or (place.positive and prior.mean <= 0):
-            raise InputError(
-                f"prior of {name}: its mean, {prior.mean:g}, contradicts the bounds {within}; "
-                f"change one of them"
-            )
-    scale = prior.std if prior else HALF * abs(start) or place.typical or 1.0
-    return Unknown(name, place, recordings, start, lower, upper, scale, prior)
 
 
 def _declared(known: Mapping[str, Place], recordings: Sequence[Recording]) -> dict[str, Place]:
@@ -163,28 +118,6 @@ def _named(known, chosen, given, where, read) -> dict:
                 )
             found[name] = value
     return found
-
-
-def _prior(entry: PriorLike, where: str) -> Prior | None:
-    if entry is None or isinstance(entry, Prior):
-        return entry
-    mean, std = _pair(entry, where, "(mean, std)")
-    if mean is None or std is None:
-        raise InputError(f"{where}: expected (mean, std), or None for no prior; got {entry!r}")
-    return Prior(mean, std)
-
-
-def _bounds(entry: Bounds, where: str) -> Bounds:
-    return _pair(entry, where, "(lower, upper), None for none")
-
-
-def _pair(entry: object, where: str, wanted: str) -> tuple[float | None, float | None]:
-    if isinstance(entry, Sequence) and not isinstance(entry, str) and len(entry) == 2:
-        numbers = [x is None or (isinstance(x, int | float | np.number) and not math.isnan(x)) for x in entry]
-        if all(numbers):
-            low, high = (None if x is None else float(x) for x in entry)
-            return low, high
-    raise InputError(f"{where}: expected {wanted} in SI; got {entry!r}")
 
 
 def _ranges(actuator: AbstractActuator, recordings: Sequence[Recording]) -> dict[str, float]:

@@ -38,8 +38,8 @@ def notes(result: FitData) -> list[str]:
 
 def _rough(result: FitData) -> list[str]:
     return [
-        f"{each.recording} from {each.begin:g} to {each.end:g} s is left out of the standard deviations: "
-        f"{each.parameter} moved by one of them should change the residuals there by {each.promised:.3g} "
+        f"{each.recording} from {each.begin:g} to {each.end:g} s tells nothing of {each.parameter}: "
+        f"moved by one standard deviation it should change the residuals there by {each.promised:.3g} "
         f"(root of the sum of squares, in units of the noise), and changes them by {each.found:.3g}."
         for each in result.rough
     ]

@@ -15,25 +15,19 @@ from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.slopes import values_and_slopes
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.estimation.unknowns import Unknowns
-from jaxmuscle.fitting.problem import BROKEN
+from jaxmuscle.fitting.residuals import BROKEN
 
 Vector = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
 class Local:
-    """Cost, gradient and Gauss-Newton matrix at one point; how many predictions are not numbers there.
-
-    `residuals` and `rows`, their derivatives, are those of the readings, weighted as the loss does; `None`
-    where nobody asks for them.
-    """
+    """Cost, gradient and Gauss-Newton matrix at one point; how many predictions are not numbers there."""
 
     cost: float
     gradient: Float[NDArray, " k"]
     matrix: Float[NDArray, "k k"]
     broken: int
-    residuals: Float[NDArray, " n"] | None = None
-    rows: Float[NDArray, "k n"] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +48,6 @@ class Objective:
         size = len(self.unknowns)
         cost, bad = np.zeros(len(points)), np.zeros(len(points), dtype=int)
         gradient, matrix = np.zeros((len(points), size)), np.zeros((len(points), size, size))
-        kept: list[list[tuple[Vector, NDArray[np.float64]]]] = [[] for _ in points]
         for number in range(len(self.stations)):
             r, slopes = self.residuals(number, points)
             index = self.unknowns.acting_on(number)
@@ -67,14 +60,11 @@ class Objective:
                 bad[lane] += int(wrong.sum())
                 gradient[lane, index] += rows @ (w * values)
                 matrix[lane][np.ix_(index, index)] += (rows * w) @ rows.T
-                kept[lane].append((np.sqrt(w) * values, _all_rows(rows * np.sqrt(w), index, size)))
         prior, slope = self.unknowns.prior_residuals(points), self.unknowns.prior_slopes
         cost += 0.5 * (prior**2).sum(axis=-1)
         gradient += prior * slope
         matrix += np.diag(slope**2)
-        residuals = [np.concatenate([r for r, _ in parts]) for parts in kept]
-        slopes = [np.concatenate([rows for _, rows in parts], axis=1) for parts in kept]
-        whole = zip(cost.tolist(), gradient, matrix, bad.tolist(), residuals, slopes, strict=True)
+        whole = zip(cost.tolist(), gradient, matrix, bad.tolist(), strict=True)
         return [Local(*each) for each in whole]
 
     def residuals(
@@ -92,10 +82,3 @@ class Objective:
         with np.errstate(invalid="ignore", over="ignore"):
             scaled = np.asarray(slopes) * inner
         return np.asarray(r), np.where(np.isfinite(scaled), scaled, 0.0)
-
-
-def _all_rows(rows: NDArray[np.float64], index: NDArray[np.int64], size: int) -> NDArray[np.float64]:
-    """Rows of the coordinates `index` among those of all, zero for the others."""
-    whole = np.zeros((size, rows.shape[1]))
-    whole[index] = rows
-    return whole

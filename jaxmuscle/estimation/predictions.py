@@ -17,7 +17,7 @@ from jaxmuscle.estimation.names import OFFSET, of_machine
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
-from jaxmuscle.fitting.problem import chain_predictions
+from jaxmuscle.fitting.predictions import chain_predictions
 from jaxmuscle.recordings.smooth import noise_level
 from jaxmuscle.recordings.units import column_unit
 

@@ -1,4 +1,4 @@
-"""Windows whose derivatives say nothing about how far the parameters can move."""
+"""Windows whose derivatives say nothing about how far a parameter can move."""
 
 from __future__ import annotations
 
@@ -20,11 +20,16 @@ UNKNOWN = 1.0
 """Standard deviation of a coordinate by the other windows from which nothing can be compared with them."""
 HELD = 0.1
 """Change of a window's residuals relative to what its derivatives promise, below which they do not hold."""
+DISTANCES = 4
+"""Distances at which a derivative is tested, from where it promises a change of 1 to a standard deviation."""
+
+Key = tuple[int, int, int]
+"""Recording, window and coordinate."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RoughWindow:
-    """A window that is left out of the standard deviations.
+    """A window that is left out of what is known of a parameter.
 
     Attributes:
         begin, end: on the recording's clock [s].
@@ -44,26 +49,29 @@ class RoughWindow:
 def without_rough(
     objective: Objective, u: Vector, lines: Sequence[Series], lanes: int
 ) -> tuple[list[Series], tuple[RoughWindow, ...]]:
-    """`lines` with no derivatives in windows whose derivatives do not hold, and these windows.
+    """`lines` with no derivatives where they do not hold, and the windows and parameters where that is so.
 
     Near a fold of the motion (dry friction that just sticks, a contact that is just missed) derivatives grow
     without bound within a window, while the prediction hardly changes: the linear theory of standard
     deviations is void there, and one such window would make every parameter look as known as it makes one
     direction, or drown all others in rounding. Looked at are windows that outweigh all others together in a
-    parameter, ten to one in standard deviations; each is simulated with that parameter moved by one standard
-    deviation, as the other windows know it, to either side. Left out is a window whose residuals then change
-    by less than a tenth of what its derivatives promise. A parameter that the others do not know, to a factor
-    e or to its scale, cannot be tested so: its windows stay.
+    parameter, ten to one in standard deviations, and every parameter of a window that has failed in one. The
+    window is simulated with the parameter moved to either side: by as little as should change its residuals
+    by 1, by one standard deviation as the other windows know it, and by steps between. Where they change by
+    less than a tenth of what the derivatives promise, at every distance, the derivatives by that parameter
+    are set to zero in that window; those by other parameters stay. Residuals that saturate hold at the
+    shortest distance. A parameter that the others do not know, to a factor e or to its scale, stays too,
+    unless its window has failed in another: then the shortest distance alone decides.
     """
-    lines, found, sound = list(lines), [], set()
-    while waiting := [each for each in _suspects(objective, lines) if each[:2] not in sound]:
-        number, window, *_ = waiting[0]
-        told = _tested(objective, u, lines, waiting[0], lanes)
-        if told is None:
-            sound.add((number, window))
-            continue
-        lines = [_silenced(line, window) if line.recording == number else line for line in lines]
-        found.append(told)
+    lines, found, judged, failed = list(lines), [], set(), set()
+    while waiting := {k: v for k, v in _suspects(objective, lines, failed).items() if k not in judged}:
+        key, distances = next(iter(waiting.items()))
+        judged.add(key)
+        told = _tested(objective, u, lines, key, distances, lanes)
+        if told is not None:
+            failed.add(key[:2])
+            lines = [_silenced(line, key) for line in lines]
+            found.append(told)
     return lines, tuple(found)
 
 
@@ -80,60 +88,71 @@ def _information(lines: Sequence[Series], count: int) -> dict[tuple[int, int], V
     return totals
 
 
-def _suspects(objective: Objective, lines: Sequence[Series]) -> list[tuple[int, int, int, float]]:
-    """(recording, window, coordinate, one standard deviation of it) of windows that outweigh all others."""
-    unknowns = objective.unknowns
-    totals = _information(lines, len(unknowns))
-    together = sum(totals.values(), start=np.zeros(len(unknowns)))
-    found = []
+def _suspects(
+    objective: Objective, lines: Sequence[Series], failed: set[tuple[int, int]]
+) -> dict[Key, Vector]:
+    """What is to be tested → at which distances: windows that outweigh all others, or failed already."""
+    totals = _information(lines, len(objective.unknowns))
+    together = sum(totals.values(), start=np.zeros(len(objective.unknowns)))
+    found = {}
     for (number, window), own in totals.items():
         others = np.maximum(together - own, 0.0)
-        told = (own > SHARE * together) & (others > 1 / UNKNOWN**2)
-        if told.any():
-            i = int(np.argmax(np.where(told, own / np.where(told, others, 1.0), 0.0)))
-            found.append((number, window, i, float(others[i] ** -0.5)))
+        known = others > 1 / UNKNOWN**2
+        told = (own > SHARE * together) & known
+        if (number, window) in failed:
+            told = (own > 0) & (known | (own > 1 / UNKNOWN**2))
+        for i in map(int, np.flatnonzero(told)):
+            farthest = (others[i] if known[i] else own[i]) ** -0.5
+            found[number, window, i] = np.geomspace(min(own[i] ** -0.5, farthest), farthest, DISTANCES)
     return found
 
 
 def _tested(
-    objective: Objective, u: Vector, lines: Sequence[Series], suspect: tuple[int, int, int, float], lanes: int
+    objective: Objective, u: Vector, lines: Sequence[Series], key: Key, distances: Vector, lanes: int
 ) -> RoughWindow | None:
-    """What is to be told of the window if its derivatives do not hold."""
-    number, window, i, std = suspect
+    """What is to be told of the window if its derivatives by one coordinate do not hold."""
+    number, window, i = key
     unknowns, own = objective.unknowns, [line for line in lines if line.recording == number]
-    changes, promised = [], 0.0
-    here = _window_residuals(objective, number, u, window, lanes)
-    for side in (1.0, -1.0):
-        moved = np.clip(u[i] + side * std, unknowns.lower[i], unknowns.upper[i])
-        there = _window_residuals(
-            objective, number, np.where(np.arange(len(u)) == i, moved, u), window, lanes
-        )
-        changes.append(float(np.linalg.norm(np.where(np.isfinite(there), there - here, 0.0))))
-        slope = np.sqrt(sum(float((line.slopes[i, line.window == window] ** 2).sum()) for line in own))
-        promised = max(promised, slope * abs(moved - u[i]))
-    if max(changes) >= HELD * promised:
+    points = np.tile(u, (2 * len(distances) + 1, 1))
+    points[1:, i] += np.concatenate([distances, -distances])
+    points = np.where(np.arange(len(u)) == i, np.clip(points, unknowns.lower, unknowns.upper), points)
+    values = _window_residuals(objective, number, points, window, lanes)
+    away = np.where(np.isfinite(values[1:]), values[1:] - values[0], 0.0)
+    slope = np.sqrt(sum(float((line.slopes[i, line.window == window] ** 2).sum()) for line in own))
+    # The farther of the two sides at each distance: a bound may be in the way of one.
+    changes = np.linalg.norm(away, axis=1).reshape(2, -1).max(axis=0)
+    promised = (slope * np.abs(points[1:, i] - u[i])).reshape(2, -1).max(axis=0)
+    if (changes >= HELD * promised).any():
         return None
     station = objective.stations[number]
     first = int(np.asarray(station.problem.rows)[window])
     last = min(first + station.period, len(station.recording)) - 1
     time = station.recording.time
     span = float(time[first]), float(time[last])
-    return RoughWindow(station.label, *span, unknowns.names[i], promised, max(changes))
+    return RoughWindow(station.label, *span, unknowns.names[i], float(promised[-1]), float(changes[-1]))
 
 
 def _window_residuals(
-    objective: Objective, number: int, u: Vector, window: int, lanes: int
-) -> Float[NDArray, " n"]:
-    """Residuals of all columns in one window."""
-    values, begin, parts = objective.residuals(number, np.stack([u] * lanes))[0][0], 0, []
+    objective: Objective, number: int, points: Float[NDArray, "points k"], window: int, lanes: int
+) -> Float[NDArray, "points n"]:
+    """Residuals of all columns in one window at each point, `lanes` points at a time."""
+    missing = -len(points) % lanes
+    padded = np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
+    parts = np.split(padded, len(padded) // lanes)
+    values = np.concatenate([objective.residuals(number, part)[0] for part in parts])[: len(points)]
+    begin, found = 0, []
     for link in objective.stations[number].actuator.links:
         weights = objective.stations[number].problem.weights[link.output]
-        table = values[begin : begin + weights.size].reshape(weights.shape)
+        table = values[:, begin : begin + weights.size].reshape(-1, *weights.shape)
         begin += weights.size
-        parts.append(table[window].ravel())
-    return np.concatenate(parts)
+        found.append(table[:, window].reshape(len(points), -1))
+    return np.concatenate(found, axis=1)
 
 
-def _silenced(line: Series, window: int) -> Series:
-    """Without derivatives in a window."""
-    return dataclasses.replace(line, slopes=np.where(line.window == window, 0.0, line.slopes))
+def _silenced(line: Series, key: Key) -> Series:
+    """Without derivatives by one coordinate in a window."""
+    number, window, i = key
+    if line.recording != number:
+        return line
+    here = (line.window == window) & (np.arange(len(line.slopes)) == i)[:, None]
+    return dataclasses.replace(line, slopes=np.where(here, 0.0, line.slopes))

@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.names import OFFSET, START, of_machine
-from jaxmuscle.fitting.problem import Problem, link_predictions
+from jaxmuscle.fitting.predictions import link_predictions
+from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.parameters import replace
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -14,7 +13,8 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.estimation.stations import Station
-from jaxmuscle.fitting.problem import Problem, Residuals, evaluate, expected_spread
+from jaxmuscle.fitting.problem import Problem, Residuals
+from jaxmuscle.fitting.spread import expected_spread, spread_between
 
 SPREAD = 2.0
 """Standard deviations by which rates are shifted where windows begin with them."""
@@ -29,7 +29,7 @@ def weighted(objective: Objective, u: NDArray[np.float64]) -> Objective:
 def variance(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
     """Variance that uncertain rates of the measured states put on the predictions of the links.
 
-    Where a window begins with them, as in a diagnosis (`fitting.problem.expected_spread`): each rate shifted
+    Where a window begins with them, as in a diagnosis (`fitting.spread.expected_spread`): each rate shifted
     by ± two standard deviations and by ± one sample. Where a bench imposes them, that would hide what the
     data say of fast motion: a rate is shifted by ± its standard deviation, and by a sample only where the
     motion turns, since dry friction turns there with it. Half the difference of the predictions, squared.
@@ -37,23 +37,14 @@ def variance(actuator: AbstractActuator, problem: Problem, spread: dict[str, Arr
     if not set(actuator.derivatives) <= set(actuator.imposed):
         return expected_spread(actuator, problem, {n: SPREAD * values for n, values in spread.items()})
 
-    def predicted(name: str, values: Array) -> Residuals:
-        track = eqx.tree_at(lambda t: t.measured, problem.track, {**problem.track.measured, name: values})
-        return evaluate(actuator, eqx.tree_at(lambda p: p.track, problem, track))  # pyright: ignore
-
-    total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
+    pairs = {}
     for name in actuator.derivatives:
         values = problem.track.measured[name]
         late, early = jnp.concatenate([values[:1], values[:-1]]), jnp.concatenate([values[1:], values[-1:]])
         turning = late * early <= 0
         late, early = jnp.where(turning, late, values), jnp.where(turning, early, values)
-        for one, other in ((values + spread[name], values - spread[name]), (late, early)):
-            up, down = predicted(name, one), predicted(name, other)
-            total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
-    return {
-        out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
-        for out, w in problem.weights.items()
-    }
+        pairs[name] = ((values + spread[name], values - spread[name]), (late, early))
+    return spread_between(actuator, problem, pairs)
 
 
 def _weighted(objective: Objective, number: int, u: NDArray[np.float64]) -> Station:

@@ -1,4 +1,4 @@
-"""Recordings made ready to be fitted together: windows, weights, one shape for all that can share it."""
+"""Recordings made ready to be fitted together: windows, weights."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ from jaxmuscle.estimation.missing import Mask, usable
 from jaxmuscle.fitting.case import case
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.recordings.recording import Recording
-
-MOST_PADDING = 1.5
-"""Work with all recordings padded to one shape, relative to the work without, up to which they share it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,64 +93,6 @@ def station(
     )
 
 
-def aligned(stations: Sequence[Station]) -> list[Station]:
-    """The same recordings padded to one shape, so that they share one compilation; as they are if too unlike.
-
-    Padding repeats the last sample, and its readings have no weight.
-    """
-    problems = [s.problem for s in stations]
-    windows = max(len(p.rows) for p in problems)
-    samples = max(p.samples for p in problems)
-    rows = max(p.track.command.shape[0] for p in problems)
-    total = max(p.total for p in problems)
-    own = sum(len(p.rows) * p.samples + p.total for p in problems)
-    padded = len(problems) * (windows * samples + total)
-    if padded > MOST_PADDING * own or len({p.substeps for p in problems}) > 1:
-        return list(stations)
-    breaks = any(p.track.begins is not None for p in problems)
-    return [
-        dataclasses.replace(
-            s,
-            problem=_padded(s.problem, windows, samples, rows, total, breaks),
-            spread={name: _longer(values, rows) for name, values in s.spread.items()},
-        )
-        for s in stations
-    ]
-
-
-def _padded(problem: Problem, windows: int, samples: int, rows: int, total: int, breaks: bool) -> Problem:
-    track = problem.track
-    begins = track.begins
-    if breaks and begins is None:
-        begins = jnp.zeros(track.command.shape[0], dtype=bool)
-    if begins is not None:
-        begins = jnp.pad(begins, (0, rows - len(begins)))
-    track = dataclasses.replace(
-        track,
-        command=_longer(track.command, rows),
-        measured={name: _longer(values, rows) for name, values in track.measured.items()},
-        begins=begins,
-    )
-
-    def filled(values: Array) -> Array:
-        more = [(0, windows - values.shape[0]), (0, samples - values.shape[1])]
-        return jnp.pad(values, more + [(0, 0)] * (values.ndim - 2))
-
-    return dataclasses.replace(
-        problem,
-        track=track,
-        rows=jnp.pad(problem.rows, (0, windows - len(problem.rows))),
-        targets={out: filled(values) for out, values in problem.targets.items()},
-        weights={out: filled(values) for out, values in problem.weights.items()},
-        samples=samples,
-        total=total,
-    )
-
-
-def _longer(values: Array, rows: int) -> Array:
-    return jnp.pad(values, [(0, rows - values.shape[0])] + [(0, 0)] * (values.ndim - 1), mode="edge")
-
-
 def in_parts(stations: Sequence[Station], parts: int) -> list[Station]:
     """Each window predicted in `parts`, each from the measured state: a smoother cost."""
     return [
@@ -166,7 +105,9 @@ def in_parts(stations: Sequence[Station], parts: int) -> list[Station]:
 
 def widened(stations: Sequence[Station], factor: float) -> list[Station]:
     """With dry friction smoothed over motions `factor` times as large."""
+    where = lambda problem: problem.track.widening  # noqa: E731
+    none = lambda leaf: leaf is None  # noqa: E731
     return [
-        dataclasses.replace(s, problem=dataclasses.replace(s.problem, widening=jnp.asarray(factor)))
+        dataclasses.replace(s, problem=eqx.tree_at(where, s.problem, jnp.asarray(factor), is_leaf=none))
         for s in stations
     ]

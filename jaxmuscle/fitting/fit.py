@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Free
-from jaxmuscle.fitting.problem import Problem, Residuals, evaluate, residuals
+from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.fitting.vector import Scaled, scaled, stacked, vector_at_zero
 
 TOLERANCE = 3e-4
 """Relative fall of the cost over one accepted step at which a fit ends."""
-FIRST_DAMPING = 1e-3
-"""Damping of the first step, relative to the squared norm of the residuals there."""
 REJECTIONS = 12
 """Steps rejected in a row after which a fit ends: the trust region has shrunk by 4 to that power."""
 
@@ -49,9 +48,9 @@ def minimise(
     """
     if len(chosen) > width:
         raise ValueError(f"{len(chosen)} parameters are free, but the fit was laid out for {width}")
-    scaled = _scaled(model, problem, free, chosen, width)
-    y, cost, taken, converged, _ = _solve(scaled, jnp.asarray(steps))
-    cost, z = float(cost), np.asarray(scaled.select) @ np.asarray(y)
+    coordinates = scaled(model, problem, free, chosen, width)
+    y, cost, taken, converged, _ = _solve(coordinates, jnp.asarray(steps))
+    cost, z = float(cost), np.asarray(coordinates.select) @ np.asarray(y)
     return Minimum(z, cost, bool(converged) and bool(np.isfinite(cost)), int(taken))
 
 
@@ -65,84 +64,20 @@ def sensitivities(
     rows = []
     for first in range(0, len(chosen), width):
         part = chosen[first : first + width]
-        *_, slopes = _solve(_scaled(model, problem, free, part, width), jnp.asarray(1))
+        *_, slopes = _solve(scaled(model, problem, free, part, width), jnp.asarray(1))
         rows.append(np.asarray(slopes)[: len(part)])
-    return _vector(model, problem, free), np.concatenate(rows)
-
-
-def _vector(model: AbstractActuator, problem: Problem, free: Free) -> NDArray[np.float64]:
-    """The residual vector at z = 0."""
-    zero = jnp.zeros(len(free.paths))
-    parts = evaluate(free.apply(model, zero), problem)
-    return np.asarray(_joined(model, parts, free.prior_residuals(zero)))  # pyright: ignore
-
-
-class _Scaled(eqx.Module):
-    """Residuals of a machine as a function of `width` coordinates y, z = select y, divided by `unit`.
-
-    optimistix begins with a damping of 1: against the sensitivities of a wrong model in units of the
-    sensors' noise that is nothing, and a dozen steps would be rejected before it counts. With this unit it
-    is :data:`FIRST_DAMPING` of the squared norm of the residuals at the start.
-    """
-
-    model: AbstractActuator
-    problem: Problem
-    free: Free
-    select: Float[Array, "parameters width"]
-    unit: Float[Array, ""]
-
-
-def _scaled(
-    model: AbstractActuator, problem: Problem, free: Free, chosen: NDArray[np.int64], width: int
-) -> _Scaled:
-    select = np.zeros((len(free.paths), width))
-    select[chosen, np.arange(len(chosen))] = 1.0
-    squares = max(float((_vector(model, problem, free) ** 2).sum()), 1e-300)
-    return _Scaled(model, problem, free, jnp.asarray(select), jnp.sqrt(FIRST_DAMPING * squares))
+    return vector_at_zero(model, problem, free), np.concatenate(rows)
 
 
 @eqx.filter_jit
-def _value_and_slopes(y: Array, scaled: _Scaled) -> tuple[Array, Array]:
-    """Scaled residuals and their derivatives along every coordinate: one simulation with all tangents.
-
-    Compiled by itself so that it is traced once, wherever the solver differentiates.
-    """
-
-    def pushed(direction: Array) -> tuple[Array, Array]:
-        return jax.jvp(lambda y: _values(y, scaled), (y,), (direction,))
-
-    return jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(y)))
-
-
-def _values(y: Array, scaled: _Scaled) -> Array:
-    return residual_vector(scaled.model, scaled.problem, scaled.free, scaled.select @ y) / scaled.unit
-
-
-@eqx.filter_custom_jvp
-def _stacked(y: Array, scaled: _Scaled) -> Array:
-    """What optimistix minimises.
-
-    Its derivative is the matrix of all slopes: differentiating it, as the solver does wherever it looks at
-    the function, costs one forward simulation and no new tracing.
-    """
-    return _value_and_slopes(y, scaled)[0]
-
-
-@_stacked.def_jvp
-def _stacked_jvp(primals: tuple[Array, _Scaled], tangents: tuple[Array, Any]) -> tuple[Array, Array]:
-    value, slopes = _value_and_slopes(*primals)
-    return value, tangents[0] @ slopes
-
-
-@eqx.filter_jit
-def _solve(scaled: _Scaled, limit: Array) -> tuple[Array, Array, Array, Array, Array]:
+def _solve(scaled: Scaled, limit: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Run optimistix's solver step by step: its own test waits for every coordinate, even one without effect.
 
     Returns y, the cost there, steps taken, whether it settled, and the slopes of the residuals there.
     """
 
-    def fn(y: Array, scaled: _Scaled) -> tuple[Array, None]:
-        return _stacked(y, scaled), None
+    def fn(y: Array, scaled: Scaled) -> tuple[Array, None]:
+        return stacked(y, scaled), None
 
     solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     options, tags = {"jac": "fwd"}, frozenset()
@@ -171,13 +106,3 @@ def _solve(scaled: _Scaled, limit: Array) -> tuple[Array, Array, Array, Array, A
     tired = moving.num_steps_since_acceptance >= REJECTIONS
     slopes = scaled.unit * jax.vmap(eqx.combine(moving, fixed).f_info.jac.mv)(jnp.eye(len(y)))
     return y, cost(moving), moving.num_steps, settled | tired, slopes
-
-
-def residual_vector(model: AbstractActuator, problem: Problem, free: Free, z: Array) -> Array:
-    """All weighted residuals, link by link, and the distances from the priors, as one vector."""
-    return _joined(model, residuals(free.apply(model, z), problem), free.prior_residuals(z))
-
-
-def _joined(model: AbstractActuator, parts: Residuals, priors: Array) -> Array:
-    # By the links: the order of a dictionary's entries does not survive compilation.
-    return jnp.concatenate([*(parts[link.output].ravel() for link in model.links), priors])

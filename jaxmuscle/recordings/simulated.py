@@ -13,10 +13,12 @@ from jaxtyping import Array, ArrayLike, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.recordings.commanded import commanded_track, sampling_step
+from jaxmuscle.recordings.hidden import hidden_start, is_measured
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.steps import Steps, steps_of
 from jaxmuscle.recordings.track import observed
-from jaxmuscle.simulation import Track, run, start_at_rest
+from jaxmuscle.simulation import Track, run, start_at_rest, with_states
 
 
 class Simulation(eqx.Module):
@@ -63,8 +65,10 @@ def simulate(
         given: a recording, whose command is replayed from its first measured state (states that the bench
             imposes follow the recording); or a command, one row a sample, held until the next one.
         times: sampling instants of a command [s], uniform.
-        start: measured states at the first sample, for a command: SI, absolute pressures; without it the
-            muscle is at ambient pressure and everything at zero.
+        start: states at the first sample, for a command: SI, absolute pressures; without it the muscle is
+            at ambient pressure and everything at rest. By name: measured states and rates; hidden states of
+            the machine (``opening``); those of effects by the effect's name (``creep``); of an array all
+            entries or one (``creep[0]``), as a fit calls them after ``start.``.
         method: "chebyshev" (second order, stabilised), "heun" (second), "bogacki-shampine" (third) or
             "dormand-prince" (fifth); without one the machine's own, which is "chebyshev" or, where part of
             the machine is linear and fast, an exponential method.
@@ -84,15 +88,16 @@ def simulate(
         TypeError: a command for a rig whose states are imposed by a bench.
         InputError: an unknown method, substeps or a tolerance out of range.
     """
+    hidden: dict[str, Array] = {}
     if isinstance(given, Recording):
         track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
     else:
-        track, clock = _commanded(actuator, given, times, start or {})
+        track, clock, hidden = _commanded(actuator, given, times, start or {})
     steps = steps_of(actuator, float(clock[1] - clock[0]), method, substeps, tolerance)
-    readings = _run(actuator, track, len(clock), steps)
+    readings = _run(actuator, track, len(clock), steps, hidden)
     if not error:
         return Simulation(jnp.asarray(clock), readings)
-    finer = _run(actuator, track, len(clock), steps.finer())
+    finer = _run(actuator, track, len(clock), steps.finer(), hidden)
     return Simulation(jnp.asarray(clock), readings, jax.tree.map(_bound, readings, finer))
 
 
@@ -102,8 +107,10 @@ def _bound(coarse: Array, fine: Array) -> Array:
 
 
 @eqx.filter_jit
-def _run(actuator: AbstractActuator, track: Track, samples: int, steps: Steps) -> dict[str, Array]:
-    begin = start_at_rest(actuator, track)
+def _run(
+    actuator: AbstractActuator, track: Track, samples: int, steps: Steps, hidden: dict[str, Array]
+) -> dict[str, Array]:
+    begin = with_states(start_at_rest(actuator, track), hidden)
     return run(
         actuator,
         track,
@@ -119,7 +126,8 @@ def _run(actuator: AbstractActuator, track: Track, samples: int, steps: Steps) -
 
 def _commanded(
     actuator: AbstractActuator, given: ArrayLike, times: ArrayLike | None, start: Mapping[str, ArrayLike]
-) -> tuple[Track, NDArray[np.float64]]:
+) -> tuple[Track, NDArray[np.float64], dict[str, Array]]:
+    """Track, sampling instants, and the hidden states of `start`."""
     if actuator.imposed:
         raise TypeError(f"rig {actuator.rig!r} has no command: its states are imposed; give a recording")
     if times is None:
@@ -128,36 +136,7 @@ def _commanded(
     muscles = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
     if command.shape != (*clock.shape, *muscles):
         raise ValueError(f"expected a command of shape {(*clock.shape, *muscles)}; got {command.shape}")
-    return commanded_track(actuator, command, jnp.asarray(sampling_step(clock)), start), clock
-
-
-def sampling_step(times: ArrayLike) -> float:
-    """The step of uniform sampling instants [s]; `ValueError` when they are not at least two and uniform."""
-    steps = np.diff(np.asarray(times, dtype=float))
-    if steps.ndim != 1 or len(steps) < 1 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
-        raise ValueError("expected at least two uniform, increasing instants")
-    return float(steps.mean())
-
-
-def commanded_track(
-    actuator: AbstractActuator, command: Array, step: Array, start: Mapping[str, ArrayLike]
-) -> Track:
-    """The track of a command of shape (samples, *muscles) from `start`, else from an empty muscle at rest.
-
-    The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start.
-    """
-    ambient = getattr(actuator, "ambient_pressure", 0.0)
-    states = {name: jnp.zeros(_shape(actuator, name)) for name in (*actuator.measured, *actuator.derivatives)}
-    states = {name: value + ambient if "pressure" in name else value for name, value in states.items()}
-    if unknown := set(start) - set(states):
-        raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
-    states |= {name: jnp.asarray(value, dtype=float) for name, value in start.items()}
-    samples = command.shape[0]
-    measured = {name: jnp.broadcast_to(value, (samples, *value.shape)) for name, value in states.items()}
-    return Track(step, command, measured)
-
-
-def _shape(actuator: AbstractActuator, state: str) -> tuple[int, ...]:
-    """Shape of a measured state or of a rate: a scalar, or one entry for each of its columns."""
-    columns = actuator.measured[actuator.derivatives.get(state, state)]
-    return (len(columns),) if len(columns) > 1 else ()
+    measured = {name: value for name, value in start.items() if is_measured(actuator, name)}
+    track = commanded_track(actuator, command, jnp.asarray(sampling_step(clock)), measured)
+    others = {name: value for name, value in start.items() if name not in measured}
+    return track, clock, hidden_start(actuator, track, others)

@@ -5,12 +5,18 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxmuscle.effects.base import STICKING_TIME
+from jaxmuscle.effects.base import force_to_rest
 
 Pair = Float[Array, "2"]
 
 
-def coupled_slip(driving: Pair, velocity: Pair, limit: Pair, mass_matrix: Float[Array, "2 2"]) -> Pair:
+def coupled_slip(
+    driving: Pair,
+    velocity: Pair,
+    limit: Pair,
+    mass_matrix: Float[Array, "2 2"],
+    widening: Array | float | None = None,
+) -> Pair:
     r"""Slip of each joint, from -1 to 1, under dry friction: :func:`slip_of_mass` for two joints.
 
     With :math:`b = F + M v/τ` the friction f is the point of the box :math:`|f_i| ≤ L_i` that is nearest
@@ -26,8 +32,9 @@ def coupled_slip(driving: Pair, velocity: Pair, limit: Pair, mass_matrix: Float[
         velocity: v [rad/s].
         limit: L, not negative [N m]; a joint at 0 has the sign of its motion as its slip.
         mass_matrix: M [kg m^2].
+        widening: factor of τ, as in :func:`slip_of_mass`.
     """
-    wanted = driving + mass_matrix @ velocity / STICKING_TIME
+    wanted = force_to_rest(driving, mass_matrix @ velocity, widening)
     m11, m12, m22 = mass_matrix[0, 0], mass_matrix[0, 1], mass_matrix[1, 1]
     b1, b2 = wanted[0], wanted[1]
     l1, l2 = limit[0], limit[1]

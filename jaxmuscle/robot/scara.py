@@ -67,7 +67,8 @@ class Scara(AbstractMuscleJoints):
         in_bearing = friction_limit(self.effects, LOAD, loose) * jnp.ones(2)
         limit = self.sprocket_radius * np.abs(PULLS) @ in_threads + in_bearing
         driving = loose.load - self.arm.bias(loose.position, loose.velocity)
-        slip = coupled_slip(driving, loose.velocity, limit, self.arm.mass_matrix(loose.position))
+        mass = self.arm.mass_matrix(loose.position)
+        slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening)
         rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
 

@@ -2,7 +2,7 @@
 
 from jaxmuscle.simulation.feedback import Feedback
 from jaxmuscle.simulation.run import Run, run
-from jaxmuscle.simulation.track import Restarts, Start, Track, held_at, start_at_rest
+from jaxmuscle.simulation.track import Restarts, Start, Track, held_at, start_at_rest, with_states
 from jaxmuscle.simulation.windows import observe, predict
 
 __all__ = [
@@ -16,4 +16,5 @@ __all__ = [
     "predict",
     "run",
     "start_at_rest",
+    "with_states",
 ]

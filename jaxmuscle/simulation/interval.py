@@ -21,6 +21,7 @@ class Interval(eqx.Module):
         step: its length [s].
         command, past: held command, and those before it.
         now, then: imposed states at its two ends; the others are integrated.
+        widening: how many times as wide as it is dry friction is smoothed.
     """
 
     actuator: AbstractActuator
@@ -29,10 +30,11 @@ class Interval(eqx.Module):
     past: Past | None
     now: State
     then: State
+    widening: Array | None = None
 
     def held(self, memory: States) -> Held:
         """What stays as it is during a step."""
-        return Held(self.command, self.past, memory)
+        return Held(self.command, self.past, memory, self.widening)
 
     def whole(self, own: State, fraction: Array | float) -> State:
         """All states, the imposed ones at a fraction of the interval."""

@@ -87,7 +87,7 @@ def run(
         keep: states whose value at each sample is returned beside the readings.
         restarts: when the run begins anew from what was measured; never when `None`.
         method: a name of `stepping.METHODS`; the machine's own when `None`.
-        tolerance: of steps under error control (:func:`jaxmuscle.stepping.advance`).
+        tolerance: of steps under error control (:func:`jaxmuscle.stepping.controlled.in_controlled_steps`).
         feedback: a controller whose commands take the place of the track's. At a sample it is shown
             readings under the command that was held so far (at the first, the track's).
 
@@ -108,9 +108,8 @@ def run(
             own, memory = _fresh_where(
                 at.number % restarts.period == 0, restarts.at(at.row, track), own, memory
             )
-        interval = Interval(
-            actuator, track.step, at.command, past_at(actuator, track, at.row), at.now, at.then
-        )
+        past = past_at(actuator, track, at.row)
+        interval = Interval(actuator, track.step, at.command, past, at.now, at.then, track.widening)
         if loop is not None:
             # Until the controller has spoken, the command is still that of the interval before.
             interval, loop = _under(loop, interval, track, at.row)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
 from jaxmuscle.effects.base import States, initial_states
+from jaxmuscle.parameters import split_index
 from jaxmuscle.signals import Past
 
 
@@ -21,12 +24,14 @@ class Track(eqx.Module):
         measured: state → its measured value (smoothed); the rate states are derivatives of these.
         begins: whether a new stretch begins at a sample, with everything unmeasured at rest; `None` for a
             single one.
+        widening: how many times as wide as it is dry friction is smoothed, for the first stages of a fit.
     """
 
     step: Float[Array, ""]
     command: Float[Array, "samples *muscles"]
     measured: dict[str, Float[Array, "samples ..."]]
     begins: Bool[Array, " samples"] | None = None
+    widening: Float[Array, ""] | None = None
 
     def at(self, row: Array) -> State:
         """The measured states at a sample, or at several."""
@@ -75,9 +80,24 @@ def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0
     return Start({**state, "effects": states}, memory)
 
 
+def with_states(start: Start, values: Mapping[str, Array]) -> Start:
+    """A copy in which hidden states have other values: by name, that of an effect by the effect's name.
+
+    An entry of an array goes by its index, ``creep[0]``. `KeyError` for a state that `start` has not.
+    """
+    state, memory = {**start.state, "effects": dict(start.state["effects"])}, dict(start.memory)
+    for path, value in values.items():
+        name, index = split_index(path)
+        group = next((g for g in (state, state["effects"], memory) if name in g and name != "effects"), None)
+        if group is None:
+            raise KeyError(name)
+        group[name] = jnp.asarray(group[name]).at[index or ()].set(value)
+    return Start(state, memory)
+
+
 def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
     """What stays as it is from a sample to the next: the command, its past, the memories of effects."""
-    return Held(track.command[row], past_at(actuator, track, row), memory)
+    return Held(track.command[row], past_at(actuator, track, row), memory, track.widening)
 
 
 def past_at(actuator: AbstractActuator, track: Track, row: Array) -> Past | None:

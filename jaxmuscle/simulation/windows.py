@@ -11,14 +11,16 @@ from jaxmuscle.simulation.run import run
 from jaxmuscle.simulation.track import Restarts, Start, Track, start_at_rest
 
 
-def observe(actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1) -> Start:
+def observe(
+    actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1, start: Start | None = None
+) -> Start:
     """The states that are not measured, carried along the whole track by the measured ones.
 
-    Every measured state is imposed; openings, hysteresis, creep and lags run on from rest at the first
-    sample. Returns them at every sample (leading axis `samples`).
+    Every measured state is imposed; openings, hysteresis, creep and lags run on from `start`, else
+    from rest at the first sample. Returns them at every sample (leading axis `samples`).
     """
     imposed = (*actuator.measured, *actuator.derivatives)
-    start = start_at_rest(actuator, track)
+    start = start_at_rest(actuator, track) if start is None else start
     hidden = tuple(name for name in start.state if name not in imposed)
     row = jnp.asarray(0)
     return run(

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.recordings.simulated import commanded_track
+from jaxmuscle.recordings.commanded import commanded_track
 from jaxmuscle.simulation import Track, run, start_at_rest
 
 

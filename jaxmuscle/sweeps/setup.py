@@ -12,8 +12,8 @@ from jaxtyping import Array, ArrayLike
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.recordings.commanded import sampling_step
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.simulated import sampling_step
 from jaxmuscle.recordings.track import observed
 from jaxmuscle.sweeps.bench import Bench
 from jaxmuscle.sweeps.commands import Sine, command_of

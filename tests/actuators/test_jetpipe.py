@@ -1,4 +1,4 @@
-"""Rig `jet-pipe` against its oracle, the dossier's figures and finite differences."""
+"""Rig `jet-pipe` against its oracle, closed-form areas and finite differences."""
 
 from functools import cache
 
@@ -68,8 +68,8 @@ def test_areas_and_leak_are_those_of_the_oracle():
         )
 
 
-def test_full_jet_force_of_the_dossier():
-    # A tip held right over port 1; the dossier gives 102 N at 551.6 kPa.
+def test_full_jet_force():
+    # A tip held right over port 1: 102 N at 551.6 kPa gauge by the source's equations, evaluated by hand.
     actuator = replace(
         bench.model("jet-pipe"), {"pipe.receiver_offset": bench.model("jet-pipe").receiver.port_diameter}
     )

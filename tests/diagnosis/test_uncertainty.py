@@ -12,7 +12,7 @@ from oracles.recorded import NOISE, STDS, driven_card, driven_recording, smooth_
 from jaxmuscle.diagnosis.uncertainty import estimates
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.problem import residuals
+from jaxmuscle.fitting.residuals import residuals
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.recordings import read
 from jaxmuscle.samples import sample

@@ -44,7 +44,7 @@ class Drive(AbstractActuator):
         signals = self._with(signals, COMMAND, held.command, held.memory)
         signals = self._with(signals, LOAD, self.gain * signals.command, held.memory)
         limit = friction_limit(self.effects, LOAD, signals)
-        slip = slip_of_mass(signals.load, self.mass * signals.velocity, limit)
+        slip = slip_of_mass(signals.load, self.mass * signals.velocity, limit, held.widening)
         return signals.having(load=signals.load - limit * slip)
 
     def vector_field(self, state, held):

@@ -9,7 +9,8 @@ from estimation.made import fitted, lifted, pulled
 import jaxmuscle as jm
 from jaxmuscle import InputError
 from jaxmuscle.estimation.agreement import agreed_prior, conditions, labels
-from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.missing import LONGEST_BRIDGE, usable
 from jaxmuscle.estimation.names import places, resolve
 from jaxmuscle.fitting.free import Prior

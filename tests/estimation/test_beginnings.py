@@ -12,9 +12,11 @@ from oracles.recorded import smooth_motion
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.slopes import values_and_slopes
 from jaxmuscle.estimation.stations import station
+from jaxmuscle.fitting.predictions import chain_predictions
 
 FIRST, LENGTH = 180, 260
 """First sample and number of samples of a part in which the valve is half open from the start."""
@@ -135,6 +137,33 @@ def test_slopes_by_initial_states_are_differences(part):
         assert np.abs(difference).max() > 0
 
 
+def test_each_recording_has_its_own_unless_it_is_shared(creeping):
+    """Recordings begin each in its own way: one value for two of them has to be asked for."""
+    machine, recording = creeping
+    pair, names = [recording, crept(1)], ["one", "two"]
+    asked = Asked(["end_factor", "start.creep"], shared=["start.creep[1]"])
+    found = {e.name: e for e in layout(machine, pair, names, asked).entries}
+    own = ("start.creep[0][one]", "start.creep[0][two]")
+    assert set(found) == {"end_factor", *own, "start.creep[1]"}
+    assert [found[name].recordings for name in (*own, "start.creep[1]")] == [(0,), (1,), (0, 1)]
+
+
+def test_a_fitted_state_is_taken_by_a_simulation(part):
+    """Under the command of the recording it goes on as the window that was fitted does."""
+    machine, recording = part
+    place = station(machine, recording, "part", None, {})
+    states = {"opening": 0.3, "pressure": 2.5e5, "position": 0.01, "velocity": 0.0}
+    problem = place.problem
+    begin = {name: jnp.asarray(value) for name, value in states.items()}
+    chain = chain_predictions(place.actuator, dataclasses.replace(problem, begin=begin))
+    command, clock = recording.columns["command"][:20], recording.time[:20]
+    run = jm.simulate(machine, command, clock, start=states, substeps=problem.substeps)
+    for name, values in run.readings.items():
+        np.testing.assert_allclose(values, chain[name][0, :20], rtol=1e-9)
+    shut = jm.simulate(machine, command, clock, start={**states, "opening": 0.0})
+    assert abs(float(shut.readings["pressure"][19] - run.readings["pressure"][19])) > 1e3
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [
@@ -162,5 +191,7 @@ def test_units_and_values_where_nothing_is_fitted(part):
     found = {e.name: e for e in layout(machine, [recording], ["part"], Asked(names, bounds=bounds)).entries}
     assert [found[name].place.unit for name in names] == ["", "Pa", "m", "m/s"]
     assert found["start.pressure"].start == recording.columns["pressure"][0]
+    begins = ["rest", "its first reading", "its first reading", "zero"]
+    assert [found[n].place.meaning.split("a fit begins at ")[1] for n in names] == begins
     # Rest would be 0.
     assert found["start.opening"].start == 0.1

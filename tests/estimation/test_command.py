@@ -80,3 +80,8 @@ def test_bad_input(bench, monkeypatch, arguments, told):
     assert outcome.exit_code == 2
     assert told in outcome.stderr and "Traceback" not in outcome.stderr
     assert outcome.stdout == "" and sorted(bench.iterdir()) == before
+
+
+def test_help_tells_what_can_be_fitted():
+    told = run("--help").output
+    assert "offset.COLUMN" in told and "start.STATE" in told

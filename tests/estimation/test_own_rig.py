@@ -11,7 +11,8 @@ import jaxmuscle as jm
 from jaxmuscle import InputError
 from jaxmuscle.actuators import RIGS, Isotonic, register
 from jaxmuscle.estimation import search
-from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.layout import layout
 from jaxmuscle.parameters import get
 
 FREE = ["mass", "load_damping.coefficient", "spring.stiffness"]

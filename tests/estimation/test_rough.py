@@ -43,6 +43,21 @@ def sharp_and_bent(away):
     return 3e4 * np.expm1(away[0]), (3e4 * np.exp(away[0]), 0.0)
 
 
+def sharp_on_a_fold(away):
+    """It does, and the more so than it claims to know the second parameter: of that it knows nothing."""
+    return 3e9 * away[0] + 0.01 * np.sin(1e9 * away[1]), (3e9, 1e7 * np.cos(1e9 * away[1]))
+
+
+def fold_and_sharp(away):
+    """It does, but claims to know the second parameter still better."""
+    return 3e4 * away[0] + 0.01 * np.sin(1e9 * away[1]), (3e4, 1e7 * np.cos(1e9 * away[1]))
+
+
+def saturating(away):
+    """A window that knows the first parameter well and, from there on, as much of any value that is off."""
+    return 50 * np.tanh(1000 * away[0]), (5e4 / np.cosh(1000 * away[0]) ** 2, 0.0)
+
+
 class Clock:
     """Of a recording at 10 Hz."""
 
@@ -76,25 +91,50 @@ def judged(odd):
     r, slopes = residuals(TRUE, odd)
     every = np.ones(len(r), bool)
     line = Series(0, "y", "y", every, r, slopes, np.repeat(np.arange(WINDOWS), LENGTH))
-    lines, rough = without_rough(objective(odd), TRUE, [line], 1)
+    lines, rough = without_rough(objective(odd), TRUE, [line], 4)
     return covariance(lines, unknowns(count=2), Squares(), np.zeros(2, bool)), rough, covariance(
         [line], unknowns(count=2), Squares(), np.zeros(2, bool)
     )  # fmt: skip
 
 
 def test_a_window_on_a_fold_is_left_out_and_named():
-    found, (rough,), untreated = judged(fold)
+    found, (rough, other), untreated = judged(fold)
     plain, none, _ = judged(lambda away: (0.0, (0.0, 0.0)))
     assert none == ()
     # One window of forty less.
     np.testing.assert_allclose(found.independent, plain.independent * np.sqrt(40 / 39), rtol=0.05)
     assert (rough.recording, rough.begin, rough.end) == ("run", 51.0, pytest.approx(53.9))
     assert rough.promised > 1e4 and rough.found < 10
+    assert {rough.parameter, other.parameter} == {"p0", "p1"} and other.begin == rough.begin
     # What it was before: the direction that the window claims to know has drowned the other.
     assert np.isinf(untreated.std).all()
 
 
-@pytest.mark.parametrize("odd", [sharp, sharp_and_bent])
+@pytest.mark.parametrize("odd", [sharp_on_a_fold, fold_and_sharp])
+def test_a_fold_in_one_parameter_leaves_what_is_known_of_another(odd):
+    found, (rough,), _ = judged(odd)
+    plain, _, _ = judged(lambda away: (0.0, (0.0, 0.0)))
+    assert (rough.parameter, rough.begin) == ("p1", 51.0)
+    steep = odd(np.zeros(2))[1][0]
+    assert found.independent[0] == pytest.approx(1 / (steep * np.sqrt(LENGTH)), rel=0.1)
+    assert found.independent[1] == pytest.approx(plain.independent[1] * np.sqrt(40 / 39), rel=0.05)
+    assert np.isfinite(found.std).all()
+
+
+def slanting_fold(away):
+    """A fold that is steep in the first parameter, and in the second less than what the others know."""
+    phase = 1e9 * (away[0] + 1e-6 * away[1])
+    return 0.01 * np.sin(phase), (1e7 * np.cos(phase), 10 * np.cos(phase))
+
+
+def test_a_window_that_failed_in_one_parameter_is_tested_in_all():
+    found, rough, _ = judged(slanting_fold)
+    plain, _, _ = judged(lambda away: (0.0, (0.0, 0.0)))
+    assert [each.parameter for each in rough] == ["p0", "p1"]
+    np.testing.assert_allclose(found.independent, plain.independent * np.sqrt(40 / 39), rtol=0.05)
+
+
+@pytest.mark.parametrize("odd", [sharp, sharp_and_bent, saturating])
 def test_a_window_that_knows_much_stays(odd):
     found, rough, _ = judged(odd)
     assert rough == ()

@@ -10,7 +10,7 @@ from oracles import bench
 from oracles.joint import joint
 
 import jaxmuscle as jm
-from jaxmuscle.estimation.search import _levels
+from jaxmuscle.estimation.stages import stages
 from jaxmuscle.estimation.stations import station
 
 
@@ -19,7 +19,7 @@ def test_windows_are_cut_as_long_as_parts_have_samples():
 
     def levels(horizon, continuation=()):
         recording = jm.recording(machine, measured(), STEP, horizon=horizon)
-        found = list(_levels([station(machine, recording, "own", None, {})], continuation))
+        found = list(stages([station(machine, recording, "own", None, {})], continuation))
         periods = [int(stations[0].problem.period) for _, stations in found]
         whole = round((horizon or 4.0) / STEP)
         assert periods == sorted(periods) and periods[-1] == -(-whole // 4)

@@ -6,13 +6,15 @@ import pytest
 from estimation.made import TRUE, pulled
 
 import jaxmuscle as jm
-from jaxmuscle.estimation.layout import Asked, layout
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import LOSSES
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.padding import aligned
 from jaxmuscle.estimation.slopes import values_and_slopes
-from jaxmuscle.estimation.stations import aligned, station
+from jaxmuscle.estimation.stations import station
 from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.problem import residuals
+from jaxmuscle.fitting.residuals import residuals
 from jaxmuscle.parameters import replace
 
 PATHS = (

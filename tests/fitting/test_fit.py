@@ -7,8 +7,9 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.fit import minimise, residual_vector, sensitivities
+from jaxmuscle.fitting.fit import minimise, sensitivities
 from jaxmuscle.fitting.free import free
+from jaxmuscle.fitting.vector import residual_vector
 from jaxmuscle.parameters import get, replace
 
 TRUE = {

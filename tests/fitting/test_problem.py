@@ -8,7 +8,9 @@ from oracles.driven import driven
 from oracles.recorded import NOISE, driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.problem import BROKEN, chain_predictions, expected_spread, link_predictions, residuals
+from jaxmuscle.fitting.predictions import chain_predictions, link_predictions
+from jaxmuscle.fitting.residuals import BROKEN, residuals
+from jaxmuscle.fitting.spread import expected_spread
 from jaxmuscle.parameters import replace
 
 SECONDS = 6.0

@@ -76,6 +76,23 @@ def test_command_from_a_given_start(machine):
         assert float(readings[name][0]) == pytest.approx(value, rel=1e-12)
 
 
+def test_command_from_hidden_states(machine):
+    """A creep that began before, whole and by its entries; a valve that is open."""
+    numbers = {"stiffness": 500.0, "fast_time": 0.5, "slow_time": 3.0}
+    creeping = machine.with_effects(creep=jm.effects.Creep(**{n: jnp.asarray(v) for n, v in numbers.items()}))
+    still, begun = np.zeros(300), {"pressure": 3e5, "position": 0.05}
+    rest = jm.simulate(creeping, still, CLOCK, start=begun).readings["position"]
+    whole = jm.simulate(creeping, still, CLOCK, start={**begun, "creep": np.array([0.0, 0.2])}).readings[
+        "position"
+    ]
+    entries = {**begun, "creep[0]": 0.0, "creep[1]": 0.2}
+    entry = jm.simulate(creeping, still, CLOCK, start=entries).readings["position"]
+    opened = jm.simulate(machine, still, CLOCK, start={**begun, "opening": 0.4}).readings["pressure"]
+    np.testing.assert_array_equal(np.asarray(whole), np.asarray(entry))
+    assert np.ptp(np.asarray(whole) - np.asarray(rest)) > 1e-3
+    assert np.asarray(opened).max() > 3e5 + 1e3
+
+
 REFUSED = {
     "no times": (COMMAND, None, {}, "needs the instants"),
     "other length": (COMMAND[:-1], CLOCK, {}, r"shape \(300,\); got \(299,\)"),
@@ -83,7 +100,11 @@ REFUSED = {
     "one instant": (COMMAND[:1], CLOCK[:1], {}, "at least two uniform"),
     "backwards": (COMMAND, CLOCK[::-1], {}, "at least two uniform"),
     "uneven": (COMMAND, CLOCK + 1e-3 * (CLOCK > 0.3), {}, "at least two uniform"),
-    "unknown start": (COMMAND, CLOCK, {"angle": 0.1}, "unknown start.*angle.*position"),
+    "unknown start": (COMMAND, CLOCK, {"angle": 0.1}, "unknown start.*angle.*opening"),
+    "no such state": (COMMAND, CLOCK, {"opning": 0.1}, "unknown start.*opning.*opening"),
+    "no such entry": (COMMAND, CLOCK, {"opening[0]": 0.1}, "unknown start.*opening.*opening"),
+    "no such entry of a measured one": (COMMAND, CLOCK, {"pressure[1]": 1e5}, "unknown start.*position"),
+    "another shape": (COMMAND, CLOCK, {"opening": [0.1, 0.2]}, r"start of opening: .* \(\); got \(2,\)"),
 }
 
 

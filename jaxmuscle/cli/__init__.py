@@ -1,0 +1,65 @@
+"""The command line: parse, call one function, print. What is heavy is imported when it is needed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+import jaxmuscle
+from jaxmuscle.cli.diagnose import diagnose
+from jaxmuscle.cli.effects import effects
+from jaxmuscle.cli.faults import BAD_INPUT, FAULT, INTERRUPTED
+from jaxmuscle.cli.fit import fit
+from jaxmuscle.cli.shown import WIDE
+from jaxmuscle.cli.sweep import sweep
+
+__all__ = [
+    "BAD_INPUT",
+    "FAULT",
+    "INTERRUPTED",
+    "WIDE",
+    "app",
+    "diagnose",
+    "effects",
+    "fit",
+    "main",
+    "options",
+    "sweep",
+]
+
+app = typer.Typer(
+    help="Find out what a model of a pneumatic muscle lacks, from a recording of the real machine.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def main() -> None:
+    """Entry point of the program."""
+    app()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"jaxmuscle {jaxmuscle.__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    """Find out what a model of a pneumatic muscle lacks, from a recording of the real machine."""
+
+
+# In the order in which the help lists them.
+app.command()(diagnose)
+app.command()(fit)
+app.command()(effects)
+app.command()(sweep)

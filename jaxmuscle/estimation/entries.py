@@ -1,0 +1,84 @@
+"""The entries of a result: parameters with their uncertainty, their correlations, how the starts ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jaxmuscle.estimation.covariance import Covariance
+from jaxmuscle.estimation.fitted import Fitted, StartOutcome
+from jaxmuscle.estimation.lane import FAILED
+from jaxmuscle.estimation.search import Found
+from jaxmuscle.estimation.settled import settled
+from jaxmuscle.estimation.unknowns import Unknowns
+
+ALIKE = 0.5
+"""Distance of two costs per mean square residual up to which two starts reached one minimum: of points that
+far apart in cost the data cannot tell which is nearer to the truth."""
+
+
+def fitted(
+    unknowns: Unknowns,
+    u: NDArray[np.float64],
+    sure: Covariance,
+    ends: NDArray[np.int64],
+    to_values: NDArray[np.float64],
+    labels: Sequence[str],
+) -> dict[str, Fitted]:
+    """Each parameter by name.
+
+    Args:
+        to_values: slopes of the values by the coordinates.
+        labels: of the recordings.
+    """
+    values = settled(unknowns, u)
+    found = {}
+    for i, entry in enumerate(unknowns.entries):
+        size = abs(float(to_values[i]))
+        found[entry.name] = Fitted(
+            value=float(values[i]),
+            std=size * float(sure.std[i]),
+            unit=entry.place.unit,
+            meaning=entry.place.meaning,
+            path=entry.place.path,
+            positive=entry.place.positive,
+            start=entry.start,
+            lower=entry.lower,
+            upper=entry.upper,
+            independent=size * float(sure.independent[i]),
+            coloured=size * float(sure.coloured[i]),
+            windows=size * float(sure.windows[i]),
+            prior=None if entry.prior is None else (entry.prior.mean, entry.prior.std),
+            at_bound={-1: "lower", 1: "upper"}.get(int(ends[i])),
+            recording=labels[entry.recordings[0]] if entry.name != entry.place.name else None,
+        )
+    return found
+
+
+def correlations(sure: Covariance, unknowns: Unknowns, ends: NDArray[np.int64]) -> pd.DataFrame:
+    """Correlations of the parameters that are not at a bound."""
+    table = pd.DataFrame(sure.correlations, index=unknowns.names, columns=unknowns.names)
+    inner = [name for name, end in zip(unknowns.names, ends, strict=True) if not end]
+    return table.loc[inner, inner]
+
+
+def outcomes(found: Found) -> tuple[StartOutcome, ...]:
+    """Where each start ended, and whether the data can tell that from the best."""
+    unknowns = found.objective.unknowns
+    scale = max(2 * found.best.cost / max(found.limits.samples, 1), 1e-6)
+    named = lambda u: dict(zip(unknowns.names, unknowns.values(u).tolist(), strict=True))  # noqa: E731
+    return tuple(
+        StartOutcome(
+            named(point),
+            named(lane.u),
+            lane.cost,
+            lane.code,
+            lane.reason,
+            lane.steps,
+            lane.code != FAILED and lane.cost - found.best.cost <= ALIKE * scale,
+        )
+        for point, lane in zip(found.points, found.lanes, strict=True)
+    )

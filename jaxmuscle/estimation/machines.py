@@ -1,0 +1,54 @@
+"""A machine as its rig, the values of its parameters and the names of its effects, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.effects import BY_NAME
+from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import parameters
+from jaxmuscle.recordings import schema
+
+
+def written_machine(actuator: AbstractActuator) -> dict[str, Any]:
+    """What a file keeps of a machine.
+
+    Raises:
+        InputError: the machine is of a rig, or has an effect, that a file cannot name.
+    """
+    if RIGS.get(actuator.rig) is not type(actuator) or not set(actuator.effects) <= set(BY_NAME):
+        raise InputError(
+            f"a machine of type {type(actuator).__name__} with effects {', '.join(actuator.effects) or '-'} "
+            f"cannot be saved: only registered rigs (jaxmuscle.actuators.register) and the effects of the "
+            f"package have names in a file"
+        )
+    values = {path: np.asarray(entry.value).tolist() for path, entry in parameters(actuator).items()}
+    return {"rig": actuator.rig, "values": values, "effects": list(actuator.effects)}
+
+
+def machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
+    """The machine that a file keeps.
+
+    Raises:
+        InputError: its rig is unknown here.
+    """
+    if data["rig"] not in RIGS:
+        raise InputError(
+            f"{file}: rig {data['rig']!r} is unknown; if it is your own, import and register it first"
+        )
+    values: dict[str, Any] = dict(data["values"])
+    effects = {}
+    for name in data["effects"]:
+        prefix, kind = f"effects.{name}.", BY_NAME[name]
+        own = {
+            path.removeprefix(prefix): values.pop(path) for path in list(values) if path.startswith(prefix)
+        }
+        build: Any = kind
+        effects[name] = build(**own)
+    return schema.build(RIGS[data["rig"]], values, effects)
