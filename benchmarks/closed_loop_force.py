@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jet_pipe_point import FEEDBACK, operating_point
-from jet_pipe_rows import actuator
+from jet_pipe_rows import GAUGE, actuator
 from numpy.typing import NDArray
-from published_rows import Row, row
+from published_rows import Row, row, under
 
 from jaxmuscle.control import ProportionalForce, closed_loop, feedback_on
 from jaxmuscle.effects import ValveHysteresis
@@ -62,6 +62,10 @@ def bandwidth(amplitude: float, hysteresis: bool) -> float:
 
 
 def force_rows() -> Iterator[Row]:
+    yield from under(GAUGE, bandwidth_rows())
+
+
+def bandwidth_rows() -> Iterator[Row]:
     source = "[H] 4.1.1, Figure 4.1"
     _, model = operating_point()
     pole = float(-np.asarray(model.poles())[1].real) / (2 * np.pi)

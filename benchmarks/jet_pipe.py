@@ -9,7 +9,8 @@ from jet_pipe_bandwidth import bandwidth_rows, response_rows
 from jet_pipe_identification import identification_rows
 from jet_pipe_point import gain_rows, pole_rows
 from jet_pipe_reading import reading_rows
-from published_rows import Row, printed
+from jet_pipe_rows import GAUGE
+from published_rows import Row, printed, under
 
 PARTS: tuple[Callable[[], Iterator[Row]], ...] = (
     *(pole_rows, gain_rows, bandwidth_rows, response_rows, reading_rows, identification_rows),
@@ -17,9 +18,9 @@ PARTS: tuple[Callable[[], Iterator[Row]], ...] = (
 
 
 def rows() -> Iterator[Row]:
-    """All rows."""
+    """All rows, each with the reading of [H] that it is under."""
     for part in PARTS:
-        yield from part()
+        yield from under(GAUGE, part())
 
 
 if __name__ == "__main__":

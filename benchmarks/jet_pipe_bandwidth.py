@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jet_pipe_rows import BANDWIDTHS, CORNER, ZERO, actuator
-from published_rows import Row, row
+from published_rows import OWN, Row, aside, row
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import JetPipeActuator
@@ -51,9 +51,8 @@ def power(values: np.ndarray) -> float:
 def bandwidth_rows() -> Iterator[Row]:
     found, alone, source = over_stoppers(), over_stoppers(0.042), "[H] Figure 4.12"
     settled = float(found["converged"].mean())
-    yield row(
-        source, "operating points found, share of 40 in one vmapped sweep", "1", settled, settled == 1.0
-    )
+    settling = "operating points found, share of 40 in one vmapped sweep"
+    yield aside(row(source, settling, "1", settled, settled == 1.0), OWN)
     middle = found["bandwidth"][(STOPPERS > 0.039) & (STOPPERS < 0.082)]
     ends = [float(middle.min()), float(middle.max())]
     ok = ends[0] > BANDWIDTHS[0] / 2 and ends[1] < BANDWIDTHS[1] * 2

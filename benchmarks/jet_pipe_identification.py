@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jet_pipe_rows import actuator
 from numpy.typing import NDArray
-from published_rows import Row, near, row
+from published_rows import OWN, Row, aside, near, row
 from scipy.optimize import least_squares, minimize
 
 from jaxmuscle.actuators import JetPipeActuator
@@ -92,6 +92,13 @@ def identified(machine: JetPipeActuator) -> dict[str, Outcome]:
 
 
 def identification_rows() -> Iterator[Row]:
+    """Checks of our own: the loop is simulated with the published values, which are to be found again."""
+    for entry in compared():
+        yield aside(entry, OWN)
+
+
+def compared() -> Iterator[Row]:
+    """What the two ways cost and find."""
     found = identified(actuator())
     gradient, simplex = found["gradient"], found["simplex"]
     for name, way in found.items():

@@ -20,10 +20,13 @@ SLOPE = (
     "the pipe's mid-line (Figure 3.5) is not given in numbers: 0.8 mm/N, saturating at 0.9 N, is assumed; "
     "one through two of the published numbers gives the others (rows below)"
 )
+GAUGE = "551.6 kPa gauge; mid-line 0.8 mm/N, saturating at 0.9 N"
+"""The reading of [H] that is declared, under which its numbers are counted."""
 ABSOLUTE = "551.6 kPa, 80 psig, taken as the absolute supply pressure"
 ZERO = (
     "at 551.6 kPa gauge the zero lies at -5.1 instead of -7.1 and cancels less of the slow pole, so that the "
-    f"-3 dB corner is that of both fluid poles; with {ABSOLUTE} it does as published (rows below)"
+    f"-3 dB corner is that of both fluid poles; under another reading, {ABSOLUTE}, it does as published "
+    "(rows below, not counted); the rated force of the full jet speaks against that reading"
 )
 CORNER = (
     "the -3 dB corner of both fluid poles and the zero does so neither with 551.6 kPa gauge nor absolute, "

@@ -30,7 +30,11 @@ class FlowValve(eqx.Module):
     def mass_flow(
         self, opening: Value, pressure: Value, ambient_pressure: Value, temperature: Value
     ) -> Value:
-        """Flow into the muscle [kg/s]: charge from the supply minus exhaust to ambient ([H] 2.18)."""
+        """Flow into the muscle [kg/s]: charge from the supply minus exhaust to ambient ([H] 2.18).
+
+        Continuous; its slope over the opening is another on either side of a shut valve. At an opening of 0
+        the derivative is that of charging: a linear model about a shut valve sees that side only.
+        """
         charging = opening >= 0
         # One of the two ports is shut, so that one nozzle is enough.
         source = jnp.where(charging, self.supply_pressure, pressure)

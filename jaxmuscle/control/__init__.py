@@ -8,7 +8,7 @@ from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.pid import IntegralInversePID
 from jaxmuscle.control.proportional import ProportionalForce, StaticCurve
 from jaxmuscle.control.scheduled import ScheduledPID
-from jaxmuscle.control.sliding import Reference, SecondOrder, SlidingMode
+from jaxmuscle.control.sliding import JointModel, Reference, SlidingMode
 
 __all__ = [
     "MACVICAR_WHELAN",
@@ -17,10 +17,10 @@ __all__ = [
     "Controller",
     "FuzzyPID",
     "IntegralInversePID",
+    "JointModel",
     "ProportionalForce",
     "Reference",
     "ScheduledPID",
-    "SecondOrder",
     "SlidingMode",
     "StaticCurve",
     "closed_loop",

@@ -12,9 +12,17 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.actuators.elbow import Elbow
 from jaxmuscle.actuators.jetpipe import JetPipeActuator
 from jaxmuscle.actuators.joint import SIDES, Joint
+from jaxmuscle.control.fuzzy import FuzzyPID
+from jaxmuscle.control.proportional import ProportionalForce
+from jaxmuscle.control.sliding import SlidingMode
 from jaxmuscle.errors import InputError
 
 Commands = Float[Array, "*commands"]
+
+
+def _command() -> Any:
+    """A field of an array: a plain number would be part of the program, and a new one compile it anew."""
+    return eqx.field(converter=lambda value: jnp.asarray(value, dtype=float))
 
 
 class Attached(eqx.Module):
@@ -32,10 +40,10 @@ class Attached(eqx.Module):
 
     controller: Any
     reading: str = eqx.field(static=True)
-    rest: Commands
-    direction: Commands
-    lowest: Commands
-    highest: Commands
+    rest: Commands = _command()
+    direction: Commands = _command()
+    lowest: Commands = _command()
+    highest: Commands = _command()
 
     def start(self, *at: ArrayLike) -> Any:
         """State of the controller at rest; `at` is what its own `start` takes."""
@@ -44,7 +52,15 @@ class Attached(eqx.Module):
     def update(
         self, state: Any, wanted: Any, readings: dict[str, Array], step: Float[Array, ""]
     ) -> tuple[Any, Commands]:
-        """The state after a sample of `step` seconds, and the command until the next."""
+        """The state after a sample of `step` seconds, and the command until the next.
+
+        Raises:
+            InputError: the rig has no such reading.
+        """
+        if self.reading not in readings:
+            raise InputError(
+                f"Attached: expected one of the rig's readings {', '.join(readings)}; got {self.reading!r}"
+            )
         state, output = self.controller.update(state, wanted, readings[self.reading], step)
         return state, jnp.clip(self.rest + self.direction * output, self.lowest, self.highest)
 
@@ -60,8 +76,10 @@ def feedback_on(actuator: AbstractActuator, controller: Any, *, mean_pressure: A
         mean_pressure: P0 of a joint, gauge [Pa]; 2.5 bar in [T].
 
     Raises:
-        InputError: another rig; make a :class:`Attached` for it.
+        InputError: another rig; make a :class:`Attached` for it. A controller of forces on a joint, or of
+            angles on a jet pipe.
     """
+    _check_kind(actuator, controller)
     if isinstance(actuator, Joint):
         ambient, mean, side = actuator.ambient_pressure, jnp.asarray(mean_pressure, dtype=float), jnp.ones(2)
         rest = (ambient + mean) * side
@@ -77,3 +95,14 @@ def feedback_on(actuator: AbstractActuator, controller: Any, *, mean_pressure: A
     raise InputError(
         f"expected a rig joint, elbow or jet-pipe; got {actuator.rig!r}; make a control.Attached for it"
     )
+
+
+def _check_kind(actuator: AbstractActuator, controller: Any) -> None:
+    """Raise `InputError` for a controller whose gains are in the units of another kind of rig."""
+    name, forces = type(controller).__name__, isinstance(actuator, JetPipeActuator)
+    if isinstance(controller, ProportionalForce) and not forces:
+        raise InputError(f"{name} turns a force into a current: expected rig jet-pipe; got {actuator.rig!r}")
+    if isinstance(controller, FuzzyPID | SlidingMode) and forces:
+        raise InputError(
+            f"{name} turns an angle into a pressure: expected rig joint or elbow; got {actuator.rig!r}"
+        )

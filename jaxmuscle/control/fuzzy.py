@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxmuscle.control.checks import check_signs, smoothed
+from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
 
 Value = Float[Array, ""]
@@ -57,8 +58,13 @@ class FuzzyPID(eqx.Module):
     )
 
     def __check_init__(self) -> None:
-        """Raise `InputError` for a range, gain, limit or time constant whose sign is wrong."""
+        """Raise `InputError` for a number of the wrong sign, or a table that is not 7 by 7."""
         check_signs(self)
+        if self.table.shape != MACVICAR_WHELAN.shape:
+            raise InputError(
+                f"FuzzyPID: expected a rule table of shape {MACVICAR_WHELAN.shape}, rows for the error and "
+                f"columns for its rate; got {self.table.shape}"
+            )
 
     def start(self, error: float | Array = 0.0) -> Fuzzy:
         """At rest, with an error that has not changed."""
@@ -82,9 +88,10 @@ class FuzzyPID(eqx.Module):
 
 
 def _memberships(value: Value) -> Sets:
-    """How much a value, of ±1, belongs to each set; they add up to one."""
+    """How much a value, of ±1, belongs to each set; they add up to one. NaN belongs to none and stays NaN."""
     place = 3 * jnp.clip(value, -1.0, 1.0)
     # By the cell that it lies in: on a set's peak rounding would take the slopes of both sides at once.
     cell = jnp.clip(jnp.floor(place), -3, 2)
     above = place - cell
-    return jnp.where(cell == LEVELS, 1 - above, jnp.where(cell + 1 == LEVELS, above, 0.0))
+    within = jnp.where(cell == LEVELS, 1 - above, jnp.where(cell + 1 == LEVELS, above, 0.0))
+    return jnp.where(jnp.isnan(value), value, within)

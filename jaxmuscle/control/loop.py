@@ -7,13 +7,14 @@ from typing import Any, Protocol
 
 import equinox as eqx
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings.simulated import commanded_track, sampling_step
+from jaxmuscle.recordings.commanded import commanded_track, sampling_step
 from jaxmuscle.recordings.steps import Steps, steps_of
 from jaxmuscle.simulation import Feedback, Track, run, start_at_rest
 
@@ -62,34 +63,66 @@ def closed_loop(
     At every sample the sensors are read, the controller gives the command, and the machine runs under it
     until the next, as :func:`jaxmuscle.simulate` would with that command. A delay sees the commands that
     were really given; before the first sample the machine is taken to rest under the command that holds it.
+    A controller begins with an error of zero unless `begin` says otherwise: where the first reference is not
+    the first reading, its rate at the first sample is that of a jump, which a derivative part answers with
+    a kick. ``begin=controller.start(error)`` of :class:`SlidingMode` and :class:`FuzzyPID` avoids that.
     Differentiable in forward and in reverse mode with respect to machine, controller and reference; may be
     vmapped. Compiled once for every kind of machine and controller and every number of samples.
 
     Args:
         controller: from a reference and the readings to the command: :func:`feedback_on` puts a controller
             of one reading on a rig.
-        reference: what `update` gets as `wanted`: an array or a tree of arrays, one row a sample.
+        reference: what `update` gets as `wanted`: an array, a list of numbers or a tree of arrays such as a
+            :class:`Reference`; one row a sample.
         times: sampling instants [s], uniform.
         begin: the controller's state at the first sample; `controller.start()` when `None`.
         start, method, substeps: as for :func:`jaxmuscle.simulate`.
 
     Raises:
-        InputError: a rig without a command, a reference of another length, a command of the wrong shape.
+        InputError: a rig without a command, a reference of another length or with values that are not
+            finite, a `begin` that is no state of the controller, a command of the wrong shape.
     """
     if actuator.imposed or not actuator.commands:
         raise InputError(f"rig {actuator.rig!r} has no command for a controller to give")
     clock = np.asarray(times, dtype=float)
     step = sampling_step(clock)
-    wanted = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), reference)
-    lengths = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(wanted)}
-    if lengths != {clock.shape}:
-        raise InputError(
-            f"expected a reference with one row for each of {len(clock)} instants; got {lengths}"
-        )
-    begin = controller.start() if begin is None else begin
+    wanted = _wanted(reference, len(clock))
+    begin = controller.start() if begin is None else _begun(controller, begin)
     given = {name: jnp.asarray(value, dtype=float) for name, value in (start or {}).items()}
     steps = steps_of(actuator, step, method, substeps)
     return _closed(actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps)
+
+
+def _wanted(reference: Any, samples: int) -> Any:
+    """The reference as a tree of arrays, after a look at its lengths and its values."""
+    # A list is an array that was not made yet; to JAX it would be a tree of numbers.
+    numbers = type(reference) is tuple and all(jnp.ndim(entry) == 0 for entry in reference)
+    as_array = lambda leaf: jnp.asarray(leaf, dtype=float)  # noqa: E731
+    try:
+        listed = type(reference) is list or numbers
+        wanted = as_array(reference) if listed else jax.tree.map(as_array, reference)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"expected a reference of numbers, one row for each instant: {error}") from error
+    leaves = jax.tree.leaves(wanted)
+    lengths = {jnp.shape(leaf)[:1] for leaf in leaves}
+    if lengths != {(samples,)}:
+        raise InputError(f"expected a reference with one row for each of {samples} instants; got {lengths}")
+    for leaf in leaves:
+        if not isinstance(leaf, jax.core.Tracer) and not bool(np.isfinite(leaf).all()):
+            row = int(np.argwhere(~np.isfinite(leaf))[0][0])
+            raise InputError(f"expected a reference of finite numbers; got {leaf[row]} in row {row}")
+    return wanted
+
+
+def _begun(controller: Controller, begin: Any) -> Any:
+    """A state of the controller, after a look at its form."""
+    form = lambda state: (jax.tree.structure(state), [jnp.shape(leaf) for leaf in jax.tree.leaves(state)])  # noqa: E731
+    if form(begin) != form(controller.start()):
+        raise InputError(
+            f"expected begin to be a state of {type(controller).__name__}, as its start() gives; "
+            f"got {type(begin).__name__}"
+        )
+    return begin
 
 
 @eqx.filter_jit

@@ -24,7 +24,8 @@ class IntegralInversePID(eqx.Module):
     r"""Compensator and PID, [W] (7): :math:`u = u_1 + K_p(e + \frac1{T_i} \int e\,dt + T_d \dot e)`.
 
     e = y_d - y is the error of the real output. Rectangles for the integral, a backward difference for the
-    rate. Without an `inverse` it is the plain PID.
+    rate. Without an `inverse` it is the plain PID. The error before the first sample is taken to be zero:
+    one that is not gives a kick of :math:`K_p T_d e / Δt` at that sample.
     """
 
     inverse: IntegralInverse | None
@@ -37,7 +38,7 @@ class IntegralInversePID(eqx.Module):
         check_signs(self)
 
     def start(self, value: float | Array = 0.0) -> Controlling:
-        """At rest, at the input `value`."""
+        """At rest, at the input `value`, without an error so far."""
         inverting = Inverting(jnp.asarray(value, dtype=float), None)
         if self.inverse is not None:
             inverting = self.inverse.start(value)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxmuscle.control.checks import check_signs, smoothed
+from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
 
 Value = Float[Array, ""]
@@ -16,7 +17,7 @@ Value = Float[Array, ""]
 BAR = 1e5
 
 
-class SecondOrder(eqx.Module):
+class JointModel(eqx.Module):
     r"""Identified joint, [T] 28, open loop: :math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`."""
 
     damping: Scalar = parameter("1/s", "coefficient a1 of the velocity", nonnegative=True)
@@ -46,7 +47,7 @@ class Sliding(eqx.Module):
 
 
 class SlidingMode(eqx.Module):
-    r"""Variable-structure controller, [T] 26 to 29: :math:`ΔU = ΔU_{eq} + ΔU_d + ΔU_i`, e = θ_d - θ.
+    r"""Variable-structure controller, [T] 26, 28 and 29: :math:`ΔU = ΔU_{eq} + ΔU_d + ΔU_i`, e = θ_d - θ.
 
     .. math::
         s &= \dot e + C e + C' \ddot e \quad \text{(26), improved by the last term} \\
@@ -61,7 +62,7 @@ class SlidingMode(eqx.Module):
     C' = 0.01 to 0.05, a sampling period of 2 ms, and the limits that are the defaults here.
     """
 
-    joint: SecondOrder
+    joint: JointModel
     slope: Scalar = parameter("1/s", "slope C of the sliding line", positive=True)
     curvature: Scalar = parameter("s", "weight C' of the second rate", default=0.0, nonnegative=True)
     per_error: Scalar = parameter("Pa/rad", "α", default=0.0, nonnegative=True)
@@ -101,7 +102,17 @@ class SlidingMode(eqx.Module):
     def update(
         self, state: Sliding, wanted: Reference, angle: Value, step: float | Value
     ) -> tuple[Sliding, Value]:
-        """The state after a sample of `step` seconds, and ΔU [Pa] until the next: P0 ± ΔU for the muscles."""
+        """The state after a sample of `step` seconds, and ΔU [Pa] until the next: P0 ± ΔU for the muscles.
+
+        Raises:
+            InputError: `wanted` is no :class:`Reference`.
+        """
+        if not isinstance(wanted, Reference):
+            got = "an array" if isinstance(wanted, Array) else type(wanted).__name__
+            raise InputError(
+                "SlidingMode: expected a control.Reference (angle, velocity and acceleration) as the "
+                f"reference; got {got}; zeros do for the rates of a target at rest"
+            )
         error = wanted.angle - angle
         rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
         second = smoothed(state.second, (rate - state.rate) / step, self.smoothing, step)

@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import bench
+from oracles import jetpipe as oracle
+from oracles.jetpipe_linear import linear_model
 from scipy.linalg import expm
 
 from jaxmuscle.analysis import LinearModel, equilibrium, equilibrium_at, linearise
@@ -33,8 +35,32 @@ def test_driver_and_jet_pipe_of_table_4_1():
     assert poles[3] == pytest.approx(-7049.7, rel=1e-4)
 
 
+@pytest.mark.parametrize(("newtons", "stopper"), [(45.0, 0.054), (30.0, 0.040), (50.0, 0.068)])
+def test_equals_the_matrices_of_chapter_4(newtons, stopper):
+    # [H] 4.3 to 4.33, derived there by hand: entry by entry, in the states that it has.
+    actuator = replace(THESIS, {"stopper_position": stopper})
+    point = equilibrium_at(actuator, "force", newtons, command=1.0)
+    model = linearise(actuator, point)
+    current, _, tip, _, *pressures = np.asarray(point.state)
+    card = {**bench.CARDS["jet-pipe"], "gas_temperature": 293.0, "stopper_position": stopper}
+    a, b, c = linear_model(card, current, tip, pressures)
+    # Ours: i, lagged position, tip, velocity / ω2, P1, P2. There: i, acceleration, velocity, tip, P1, P2.
+    omega, zeta = oracle.RESONANCE, oracle.DAMPING
+    turn = np.zeros((6, 6))
+    turn[0, 0] = turn[3, 2] = turn[4, 4] = turn[5, 5] = 1
+    turn[1, 1:4] = omega**2 * np.array([1, -1, -2 * zeta])
+    turn[2, 3] = omega
+    ours = turn @ np.asarray(model.a) @ np.linalg.inv(turn)
+    there, largest = a != 0, np.abs(a).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(ours[there], a[there], rtol=1e-6)
+    assert np.abs(ours / largest)[~there].max() < 1e-12
+    np.testing.assert_allclose(turn @ np.asarray(model.b)[:, 0], b, rtol=1e-9, atol=1e-9)
+    row = model.outputs.index("force")
+    np.testing.assert_allclose(np.asarray(model.c)[row] @ np.linalg.inv(turn), c, rtol=1e-9, atol=1e-15)
+
+
 def test_fluid_poles_and_zero_are_what_the_equations_give():
-    # The dossier's own check of the equations, to its digits: -4.6, -14.0, zero -5.1 rad/s.
+    # The matrices of chapter 4 evaluated at 551.6 kPa gauge: -4.6, -14.0, zero -5.1 rad/s.
     model = at_45_newton()
     np.testing.assert_allclose(model.poles()[:2], [-4.6, -14.0], atol=0.05)
     np.testing.assert_allclose(model.zeros("force"), [-5.1], atol=0.05)

@@ -18,8 +18,8 @@ GOOD = {
     control.IntegralInversePID: (None, 0.1, 0.5, 0.0),
     control.ProportionalForce: (),
     control.ScheduledPID: (None, np.array([45.0]), *(np.ones(2),) * 3),
-    control.SecondOrder: (6.0, 60.0, 5e-4),
-    control.SlidingMode: (built(control.SecondOrder, 6.0, 60.0, 5e-4), 8.0),
+    control.JointModel: (6.0, 60.0, 5e-4),
+    control.SlidingMode: (built(control.JointModel, 6.0, 60.0, 5e-4), 8.0),
 }
 FIELDS = [
     (kind, field.name, "positive" if field.metadata["positive"] else "nonnegative")

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from oracles.bench import built
 
-from jaxmuscle.control import MACVICAR_WHELAN, FuzzyPID, SecondOrder
+from jaxmuscle.control import MACVICAR_WHELAN, FuzzyPID, JointModel
+from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import parameters, replace
 
 STEP = 2e-3
 RANGE, RATE = 0.3, 2.0
 FUZZY = built(FuzzyPID, RANGE, RATE, 1.2e5, 4e5, 1.5e5)
-JOINT = built(SecondOrder, 6.0, 60.0, 5e-4)
+JOINT = built(JointModel, 6.0, 60.0, 5e-4)
 
 
 def test_table_is_the_one_of_the_textbooks():
@@ -115,6 +116,22 @@ def test_slope_at_a_rule_lies_between_both_sides_and_none_is_missing():
     assert min(sides) <= at <= max(sides)
     many = jax.vmap(slope)(jnp.linspace(-2, 2, 97) * RANGE, jnp.linspace(2, -2, 97) * RATE)
     assert bool(jnp.isfinite(many).all())
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_reading_that_is_missing_is_not_taken_for_zero(place):
+    wanted, measured = jnp.array([0.1, 0.2]).at[place].set(jnp.nan)
+    state, command = FUZZY.update(FUZZY.start(), wanted, measured, STEP)
+    assert jnp.isnan(command) and jnp.isnan(state.integral)
+    assert np.isnan(FUZZY.answer(0.1, np.nan)) and np.isnan(FUZZY.answer(np.nan, 0.1))
+    slope = jax.grad(lambda e: jnp.where(jnp.isnan(e), 0.0, FUZZY.answer(e, 0.0)))(0.31 * RANGE)
+    assert float(slope) == pytest.approx(1 / RANGE)
+
+
+@pytest.mark.parametrize("shape", [(7,), (5, 5), (7, 6)])
+def test_a_table_of_another_shape_is_refused(shape):
+    with pytest.raises(InputError, match=r"expected a rule table of shape \(7, 7\).*got"):
+        built(FuzzyPID, RANGE, RATE, 1e5, 1e5, table=np.zeros(shape))
 
 
 def test_derivatives_over_the_table_are_the_memberships():

@@ -9,7 +9,13 @@ from oracles import bench
 from oracles.bench import built
 
 from jaxmuscle import control, simulate
-from jaxmuscle.control import FuzzyPID, IntegralInversePID, ProportionalForce, closed_loop, feedback_on
+from jaxmuscle.control import (
+    FuzzyPID,
+    IntegralInversePID,
+    ProportionalForce,
+    closed_loop,
+    feedback_on,
+)
 from jaxmuscle.control import loop as loop_module
 from jaxmuscle.effects import CommandDelay
 from jaxmuscle.errors import InputError
@@ -162,3 +168,8 @@ def test_wrong_questions_are_told():
     with pytest.raises(InputError, match="control.Attached"):
         feedback_on(bench.model("isotonic"), FUZZY)
     assert control.closed_loop is loop_module.closed_loop
+
+
+def test_a_list_of_rows_is_an_array():
+    played = closed_loop(JOINT, Played(), waves(20).tolist(), clock(20), start=REST)
+    np.testing.assert_array_equal(played.commands, waves(20))

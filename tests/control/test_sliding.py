@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from oracles.bench import built
 
-from jaxmuscle.control import Reference, SecondOrder, SlidingMode
+from jaxmuscle.control import JointModel, Reference, SlidingMode
 from jaxmuscle.parameters import parameters, replace
 
 STEP, SLOPE = 2e-3, 8.0
-JOINT = built(SecondOrder, 6.0, 60.0, 5e-4)
+JOINT = built(JointModel, 6.0, 60.0, 5e-4)
 EQUIVALENT = built(SlidingMode, JOINT, SLOPE)
 SWITCHING = built(SlidingMode, JOINT, SLOPE, 0.02, 4e4, 4e3, 3e3, 1e5)
 
@@ -67,7 +67,7 @@ def test_follows_a_sine_on_the_joint_that_was_identified():
 
 def test_switching_bears_a_load_that_was_not_identified():
     # [T] adds 50 % of inertia per half kilogram: all coefficients fall; a constant load pulls.
-    heavier = built(SecondOrder, *(v / 1.5 for v in (6.0, 60.0, 5e-4)))
+    heavier = built(JointModel, *(v / 1.5 for v in (6.0, 60.0, 5e-4)))
     plain, switched = (followed(c, heavier, sine, load=-3.0) for c in (EQUIVALENT, SWITCHING))
     late = slice(1500, None)
     assert np.abs(switched[late]).max() < 0.25 * np.abs(plain[late]).max()
