@@ -95,6 +95,6 @@ def test_a_killed_worker_loses_nothing(machine, sine, tmp_path):
         found = jm.sweep(machine, over, **options, client=client, store=place, progress=kill_one)
     assert killed
     written = Store(place).times_written()
-    assert len(written) == 32
+    assert len(written) == 16
     np.testing.assert_array_equal(written, 1)
     assert found.load().identical(jm.sweep(machine, over, **options))
