@@ -82,9 +82,7 @@ def c(peers: Peers) -> list[Row]:
     apart = deviation(theirs()[0], ours()) if runs > 1 else 0.0
     assert apart < 1e-9, f"not the same steps: {apart}"
     limit, mine = best(theirs, 1.0), best(ours, 1.0)
-    why = (
-        "a core takes 35 us a run where C takes 19, in 22 kernels a sample; and a call has 15 ms beside runs"
-    )
+    why = "measured apart, a core takes 35 us a run where C takes 19; the rest is the call itself"
     return [row(f"{runs} runs, same steps: ours / C", "≤ 2", mine / limit, mine <= 2 * limit, why,
                 ours_us=1e6 * mine / runs, c_us=1e6 * limit / runs)]  # fmt: skip
 
@@ -143,7 +141,7 @@ def points(peers: Peers) -> list[Row]:
     cost, grown = [e["us_a_point"] for e in found], found[-1]["peak_MiB"] - found[0]["peak_MiB"]
     flat = max(cost[3:]) / min(cost[3:])
     ok = cost[0] > cost[1] > cost[2] > 0.9 * cost[3] and flat < 1.3 and grown < 1024
-    why = "at 4096 points the 15 ms of a call that are not runs still show"
+    why = "at 4096 points what a call takes beside its runs, some 20 ms by difference, still shows"
     return [row("cost a point, 4096 to 100,000: largest / smallest", "falls, then flat", flat, ok, why,
                 grown_MiB=grown, points=found)]  # fmt: skip
 

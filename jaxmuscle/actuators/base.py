@@ -9,6 +9,7 @@ import equinox as eqx
 from jaxtyping import Array
 
 from jaxmuscle.effects.base import AbstractEffect, States, addition
+from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Past, Signals, Slot
 
 Machine = TypeVar("Machine", bound="AbstractActuator")
@@ -76,8 +77,17 @@ class AbstractActuator(eqx.Module):
         """The machine's own states with the measured ones as given and the others at rest."""
 
     def resting_command(self, measured: Mapping[str, Array]) -> Array:
-        """The command under which the machine rests at the measured states; for rigs that have one."""
-        raise NotImplementedError(f"rig {self.rig!r} has no command")
+        """The command under which the machine rests at the measured states.
+
+        Every rig with a command defines it.
+
+        Raises:
+            InputError: the class does not.
+        """
+        raise InputError(
+            f"{type(self).__name__}: expected a method resting_command(measured), the command under which "
+            f"the machine rests, as it has the commands {', '.join(self.commands) or 'none'}"
+        )
 
     @abc.abstractmethod
     def signals(self, state: State, held: Held) -> Signals:

@@ -13,11 +13,15 @@ from jaxmuscle.actuators.elbow import Elbow
 from jaxmuscle.actuators.jetpipe import JetPipeActuator
 from jaxmuscle.actuators.joint import SIDES, Joint
 from jaxmuscle.control.fuzzy import FuzzyPID
+from jaxmuscle.control.pid import IntegralInversePID
 from jaxmuscle.control.proportional import ProportionalForce
-from jaxmuscle.control.sliding import SlidingMode
+from jaxmuscle.control.scheduled import ScheduledPID
+from jaxmuscle.control.sliding import Reference, SlidingMode
 from jaxmuscle.errors import InputError
 
 Commands = Float[Array, "*commands"]
+OF_ONE_NUMBER = (FuzzyPID, IntegralInversePID, ProportionalForce, ScheduledPID)
+"""Controllers that follow a value alone, not its rates."""
 
 
 def _command() -> Any:
@@ -55,8 +59,11 @@ class Attached(eqx.Module):
         """The state after a sample of `step` seconds, and the command until the next.
 
         Raises:
-            InputError: the rig has no such reading.
+            InputError: the rig has no such reading, or a :class:`Reference` for a controller of one number.
         """
+        if isinstance(wanted, Reference) and isinstance(self.controller, OF_ONE_NUMBER):
+            name = type(self.controller).__name__
+            raise InputError(f"{name}: expected a reference of one array; got a control.Reference")
         if self.reading not in readings:
             raise InputError(
                 f"Attached: expected one of the rig's readings {', '.join(readings)}; got {self.reading!r}"

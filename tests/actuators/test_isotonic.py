@@ -10,8 +10,10 @@ from oracles import bench
 from oracles.isotonic import isotonic
 
 import jaxmuscle.effects.base
+from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.actuators.isotonic import STANDARD_GRAVITY
 from jaxmuscle.components.gas import CRITICAL_RATIO
+from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import replace
 
 SMOOTH = {
@@ -132,3 +134,8 @@ def test_choked_charging_fills_the_muscle_at_a_constant_rate():
     inflow = 0.040418 * 1e-6 * actuator.valve.supply_pressure / np.sqrt(293.15)
     rate = 1.2 * 287.0 * 293.15 * inflow / actuator.muscle.volume(jnp.asarray(0.0))
     np.testing.assert_allclose(np.diff(pressure)[10:] / 2e-3, rate, rtol=1e-4)
+
+
+def test_a_rig_with_a_command_that_does_not_say_how_it_rests_is_told():
+    with pytest.raises(InputError, match=r"Isotonic: expected a method resting_command.*commands command"):
+        AbstractActuator.resting_command(bench.model("isotonic"), {})

@@ -117,3 +117,8 @@ def test_a_begin_at_the_first_error_takes_the_kick_away():
     pid = built(IntegralInversePID, None, 2.0, 1e9, 0.3)
     _, command = pid.update(pid.start(), jnp.asarray(0.1), jnp.asarray(0.0), STEP)
     assert float(command) == pytest.approx(2.0 * 0.1 + 2.0 * 0.3 * 0.1 / STEP, rel=1e-6)
+
+
+def test_rates_for_a_controller_of_one_number_are_told():
+    with pytest.raises(InputError, match="FuzzyPID: expected a reference of one array; got"):
+        run_on_joint(Reference(*jnp.zeros((3, 20))))
