@@ -4,38 +4,83 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from importlib.metadata import version
+from importlib.util import find_spec
+from typing import Any
 
 TESTED = ("0.10.",)
 """Releases of jaxlib that take the options below: XLA ends the program at one that it does not know."""
 SMALL = "xla_cpu_small_while_loop_byte_threshold"
-LOOPS = {
+APART = "xla_multiheap_size_constraint_per_heap"
+LOG = "TF_CPP_MIN_LOG_LEVEL"
+WHOLE = {"--xla_backend_extra_options": f"{SMALL}=1000000", f"--{APART}": "0"}
+r"""On a CPU, XLA compiles a loop whose step touches less than this many bytes into one function (else 1 kB).
+
+Any larger loop it runs kernel by kernel, which is most of the time of a single run, of its derivatives, and
+of a batch that fits into a core's cache.
+
+XLA tells LLVM which of its buffers never overlap. In functions as large as these LLVM (23.0git, in jaxlib
+0.10.2) draws too much from that: of two buffers that lie in the same place, one after the other, it reorders
+the accesses, and derivatives of the elbow came out wrong. The same function translated by LLVM 22 is right.
+The second option gives every intermediate result a place of its own (a heap of at most 0 bytes holds one),
+so that whatever is told of two buffers is true. It costs memory: all intermediate results count, not only
+those that are alive together. XLA warns of every one of them, which :func:`prepare` turns off.
+"""
+CAREFUL = {
     "--xla_backend_extra_options": f"{SMALL}=30000",
     "--xla_llvm_enable_alias_scope_metadata": "false",
     "--xla_llvm_enable_noalias_metadata": "false",
 }
-"""On a CPU, XLA compiles a loop that touches less than this many bytes into one function (else 1 kB).
+"""Instead of :data:`WHOLE` where its price is not known (an accelerator's memory) or its warnings are wanted.
 
-Any larger loop it runs kernel by kernel, which is most of the time of a single run, of its Jacobian and of
-its gradient. Batches of many runs are larger and stay kernels, whose loops are vectors: for them that is
-faster. The two other options keep LLVM from reordering on the ground that XLA's buffers never overlap: with
-that, derivatives of the elbow came out wrong in a loop compiled as a whole (jaxlib 0.10.2; its test with
-finite differences shows it), and a Jacobian that takes twice as long is the smaller loss.
+Buffers share places, and LLVM is told nothing about them: a Jacobian takes twice as long.
+"""
+COMPACT = {
+    APART: -1,
+    "xla_llvm_enable_alias_scope_metadata": False,
+    "xla_llvm_enable_noalias_metadata": False,
+}
+"""Options of one compilation: as in :data:`CAREFUL`, for programs so large that compiling them with every
+result apart takes much memory (2.4 instead of 1.7 GB in a diagnosis).
 """
 
 
-def prepare(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Double precision, and small loops compiled as a whole.
+def prepare(
+    environment: MutableMapping[str, str] = os.environ, modules: Mapping[str, Any] = sys.modules
+) -> None:
+    """Double precision, and loops compiled as a whole.
 
     Single precision hides gradients that are not numbers and multiplies the steps of a fit. The options for
     loops are left alone if the user gives one of them, and come too late, without harm, in a process whose
     JAX has already computed something.
     """
-    if "jax" in sys.modules:
-        sys.modules["jax"].config.update("jax_enable_x64", True)
+    jax = modules.get("jax")
+    if jax is not None:
+        jax.config.update("jax_enable_x64", True)
     else:
         environment["JAX_ENABLE_X64"] = "1"
     flags = environment.get("XLA_FLAGS", "")
-    if version("jaxlib").startswith(TESTED) and not any(option in flags for option in LOOPS):
-        environment["XLA_FLAGS"] = " ".join([flags, *(f"{k}={v}" for k, v in LOOPS.items())]).strip()
+    if not version("jaxlib").startswith(TESTED) or any(o in flags for o in {**WHOLE, **CAREFUL}):
+        return
+    options = WHOLE if not _accelerated() and _silenced(environment, jax) else CAREFUL
+    environment["XLA_FLAGS"] = " ".join([flags, *(f"{k}={v}" for k, v in options.items())]).strip()
+
+
+def _accelerated() -> bool:
+    """Whether JAX could compute on something else than this CPU: its plugins lie in one namespace."""
+    return find_spec("jax_plugins") is not None
+
+
+def _silenced(environment: MutableMapping[str, str], jax: Any) -> bool:
+    """Turn XLA's warnings off, errors stay on; whether they are off now: not where the user wants them."""
+    if jax is None:
+        return int(environment.setdefault(LOG, "2")) >= 2
+    # JAX itself sets 1 when it is imported, too early for the variable to have an effect now.
+    level = jax.config.jax_logging_level
+    if environment.get(LOG, "1") == "0" or level not in (None, "NOTSET"):
+        return int(environment.get(LOG, "1")) >= 2
+    # The level of XLA's own log stays where it is put; that of Python's goes back.
+    jax.config.update("jax_logging_level", "ERROR")
+    jax.config.update("jax_logging_level", level)
+    return True

@@ -1,13 +1,15 @@
 """What importing the package sets in JAX and XLA."""
 
 import os
+import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from jaxmuscle import settings
-from jaxmuscle.settings import LOOPS, SMALL, prepare
+from jaxmuscle.settings import CAREFUL, LOG, SMALL, WHOLE, prepare
 
 LOOP = """
 import {first}, {second}
@@ -29,28 +31,87 @@ def test_a_loop_is_compiled_as_a_whole_unless_the_user_says_otherwise(first, sec
     assert told.stdout.split() == [str(whole), "float64"]
 
 
+def written(options):
+    return [f"{k}={v}" for k, v in options.items()]
+
+
 def test_other_options_are_kept():
     flags = {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false"}
-    prepare(flags)
-    assert flags["XLA_FLAGS"].split() == [
-        "--xla_cpu_enable_fast_math=false",
-        *(f"{k}={v}" for k, v in LOOPS.items()),
-    ]
+    prepare(flags, {})
+    assert flags["XLA_FLAGS"].split() == ["--xla_cpu_enable_fast_math=false", *written(WHOLE)]
+    assert flags[LOG] == "2"
     once = dict(flags)
-    prepare(flags)
+    prepare(flags, {})
     assert flags == once
 
 
-@pytest.mark.parametrize("option", LOOPS)
+@pytest.mark.parametrize("option", {**WHOLE, **CAREFUL})
 def test_an_option_of_the_user_is_not_mixed_with_ours(option):
     flags = {"XLA_FLAGS": f"{option}=x"}
-    prepare(flags)
-    assert flags == {"XLA_FLAGS": f"{option}=x"}
+    prepare(flags, {})
+    assert flags == {"XLA_FLAGS": f"{option}=x", "JAX_ENABLE_X64": "1"}
+
+
+def test_careful_where_warnings_are_wanted_or_there_is_an_accelerator(monkeypatch):
+    """XLA would warn of every intermediate result; and an accelerator's memory is not to be wasted."""
+    wanted = {LOG: "0"}
+    prepare(wanted, {})
+    assert wanted["XLA_FLAGS"].split() == written(CAREFUL) and wanted[LOG] == "0"
+    monkeypatch.setattr(settings, "find_spec", lambda name: name == "jax_plugins")
+    beside = {}
+    prepare(beside, {})
+    assert beside["XLA_FLAGS"].split() == written(CAREFUL) and LOG not in beside
+
+
+@pytest.mark.parametrize(
+    ("level", "given", "options"),
+    [("NOTSET", "1", WHOLE), (None, "1", WHOLE), ("DEBUG", "1", CAREFUL), ("NOTSET", "0", CAREFUL)],
+)
+def test_warnings_of_a_jax_that_is_there_already(level, given, options):
+    """Its own level is put back; one that the user has set is not touched."""
+    updates = []
+    config = SimpleNamespace(jax_logging_level=level, update=lambda *pair: updates.append(pair))
+    flags = {LOG: given}
+    prepare(flags, {"jax": SimpleNamespace(config=config)})
+    assert flags["XLA_FLAGS"].split() == written(options)
+    told = [("jax_logging_level", "ERROR"), ("jax_logging_level", level)] if options is WHOLE else []
+    assert updates == [("jax_enable_x64", True), *told]
+
+
+DERIVATIVES = """
+import {first}, {second}
+import jax.numpy as jnp
+def loop(x):
+    def body(carry, _):
+        a, b = carry
+        a = jnp.sin(a @ jnp.outer(b, b)) + b
+        return (a, jnp.cos(b) * a.sum()), a
+    return jax.lax.scan(body, (x, x[::-1]), length=50)[1]
+jax.jit(jax.jacfwd(loop))(jnp.ones(6))
+"""
+
+
+@pytest.mark.parametrize(("first", "second"), [("jax", "jaxmuscle"), ("jaxmuscle", "jax")])
+def test_intermediate_results_lie_apart_and_nothing_is_said_of_it(tmp_path, first, second):
+    """No two buffers of unlike place may overlap: what XLA tells LLVM of them is then true."""
+    environment = {**os.environ, "XLA_FLAGS": f"--xla_dump_to={tmp_path} --xla_dump_hlo_as_text"}
+    environment |= {"JAX_ENABLE_COMPILATION_CACHE": "false"}
+    environment.pop(LOG, None)
+    program = DERIVATIVES.format(first=first, second=second)
+    told = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "per-heap" not in told.stderr
+    (path,) = tmp_path.glob("*jit_loop*buffer-assignment.txt")
+    heaps = re.split(r"\nallocation ", path.read_text())
+    temporary = [heap for heap in heaps if "preallocated-temp" in heap.split("\n")[0]]
+    places = [set(re.findall(r"\(size=\d+,offset=\d+\)", heap)) for heap in temporary]
+    assert len(places) > 5 and all(len(each) == 1 for each in places)
 
 
 def test_an_xla_that_is_not_known_gets_no_options(monkeypatch):
     """It would end the program at an option that it does not know."""
     monkeypatch.setattr(settings, "version", lambda _: "0.99.0")
     flags = {}
-    prepare(flags)
+    prepare(flags, {})
     assert "XLA_FLAGS" not in flags

@@ -29,8 +29,8 @@ from jaxmuscle.sweeps.sinks import Memory
 from jaxmuscle.sweeps.store import Store
 
 GIB = 2**30
-COPIES = 6
-"""Arrays of the size of a run's samples that are at work at once, for each that is asked for."""
+COPIES = 8
+"""Arrays of the size of a run's samples that lie in memory beside each other, for each that is asked for."""
 
 
 class FailedPoints(UserWarning):

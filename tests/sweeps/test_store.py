@@ -1,5 +1,7 @@
 """A sweep in a store: the same numbers, taken up again where it was, nothing computed twice."""
 
+import time
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,13 +13,21 @@ from jaxmuscle.sweeps.store import Store
 
 OVER = {"mass": np.linspace(1, 20, 12), "command.frequency": np.geomspace(1, 20, 30)}
 BLOCKS = 4
+SLOW = 0.5
+"""Seconds that a block waits, so that an interruption finds some that have not begun."""
 
 
 @pytest.fixture
 def computed(monkeypatch):
-    """Numbers of the blocks that were computed."""
+    """Numbers of the blocks that were computed; all but the first one slowly, as blocks of a large sweep."""
     numbers, compute = [], Job.compute
-    monkeypatch.setattr(Job, "compute", lambda job, number: numbers.append(number) or compute(job, number))
+
+    def slowly(job, number):
+        numbers.append(number)
+        time.sleep(SLOW if number else 0)
+        return compute(job, number)
+
+    monkeypatch.setattr(Job, "compute", slowly)
     return numbers
 
 
