@@ -24,14 +24,11 @@ def descend(
     """Descend from every start; as soon as one lane has ended the next start takes its place.
 
     The number of points that are evaluated at a time is always `limits.lanes`, so that `evaluate` is
-    compiled once. A step minimises the quadratic model with damping λ diag(JᵀJ) (Marquardt 1963; Moré 1978),
-    λ after Nielsen (1999); a coordinate at a bound that the gradient pushes on is left out of it.
+    compiled once. A step minimises the quadratic model within a radius, in which coordinates count by
+    diag(JᵀJ) (Marquardt 1963; Moré 1978); a coordinate at a bound that the gradient pushes on is left out.
     """
     keep = np.zeros(starts.shape, dtype=bool) if held is None else held
-    lanes = [
-        Lane(u.copy(), h, u.copy(), trial=u.copy(), damping=limits.damping)
-        for u, h in zip(starts, keep, strict=True)
-    ]
+    lanes = [Lane(u.copy(), h, u.copy(), trial=u.copy()) for u, h in zip(starts, keep, strict=True)]
     waiting = iter(lanes)
     active: list[Lane] = []
     for iteration in _forever():

@@ -16,13 +16,21 @@ CONVERGED, STALLED, STEPS, BUDGET, FAILED = "converged", "stalled", "steps", "bu
 """How a descent ended: at a minimum; where no step lowers the cost; out of steps; out of time; nowhere."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
-FIRST_DAMPING = 1e-5
-"""Damping of the first step, relative to the diagonal of the Gauss-Newton matrix."""
+FIRST_DAMPING = 1e-2
+"""Damping of the first step, relative to the diagonal of the Gauss-Newton matrix: it sets the radius."""
 
 
 @dataclasses.dataclass(eq=False)
 class Lane:
-    """One start and how far it has come. `held`: coordinates that stay as they are."""
+    """One start and how far it has come.
+
+    Attributes:
+        held: coordinates that stay as they are.
+        local, trial: what is known at u, and where to look next.
+        radius, size: longest step that is trusted and the last one, each coordinate in units of the largest
+            curvature so far, which is `curvature`.
+        expected: fall of the cost that the quadratic model promises of the trial.
+    """
 
     start: Vector
     held: NDArray[np.bool_]
@@ -32,8 +40,8 @@ class Lane:
     local: Local | None = None
     trial: Vector | None = None
     expected: float = 0.0
-    damping: float = FIRST_DAMPING
-    growth: float = 2.0
+    radius: float = np.inf
+    size: float = 0.0
     curvature: Vector | None = None
     steps: int = 0
     rejected: int = 0

@@ -1,4 +1,8 @@
-"""One start of a Levenberg-Marquardt descent: its next trial within bounds, or a reason for its end."""
+"""One start of a Levenberg-Marquardt descent: its next trial within bounds, or a reason for its end.
+
+The damping is what keeps a step within a radius (Moré 1978): near a minimum there is none, and a
+Gauss-Newton step goes all the way along directions that the data hardly tell.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.lane import CONVERGED, FAILED, STALLED, STEPS, Lane, Limits
 from jaxmuscle.estimation.objective import Local
+from jaxmuscle.estimation.quadratic import Quadratic
 
 Vector = NDArray[np.float64]
 
@@ -20,8 +25,12 @@ PATIENCE = 8
 """Steps, taken or rejected, over which the cost has to fall noticeably."""
 NOTICEABLE = 0.02
 """Fall of the cost over them, per mean square residual, that is."""
-SOFTER = 0.1
-"""Least factor by which a step that went well lowers the damping."""
+POOR, GOOD = 0.25, 0.75
+"""Fall of the cost over what was expected, below which a radius shrinks and above which it grows."""
+SHRINK, GROW = 0.25, 2.0
+"""Factors by which a radius shrinks, relative to the step, and grows."""
+FILLED = 0.9
+"""Part of its radius from which a step has been kept short by it."""
 
 
 def advance(lane: Lane, local: Local, limits: Limits) -> None:
@@ -50,11 +59,13 @@ def _accepted(lane: Lane, local: Local, finite: bool) -> bool:
     lane.steps += 1
     gain = lane.local.cost - local.cost if finite else -np.inf
     ratio = gain / lane.expected if lane.expected > 0 else -np.inf
+    if ratio < POOR:
+        lane.radius = SHRINK * lane.size
+    elif ratio > GOOD and lane.size > FILLED * lane.radius and not lane.rejected:
+        lane.radius *= GROW
     if not ratio > 1e-4:
-        lane.damping, lane.growth = lane.damping * lane.growth, 2 * lane.growth
         return False
-    lane.u, lane.local, lane.rejected, lane.growth = lane.trial, local, 0, 2.0
-    lane.damping = max(lane.damping * max(SOFTER, 1 - (2 * min(ratio, 2.0) - 1) ** 3), 1e-15)
+    lane.u, lane.local, lane.rejected = lane.trial, local, 0
     lane.curvature = np.maximum(lane.curvature, np.diag(local.matrix))
     return True
 
@@ -77,26 +88,22 @@ def _propose(lane: Lane, limits: Limits) -> None:
     g, matrix = lane.local.gradient, lane.local.matrix
     stuck = ((lane.u <= limits.lower) & (g > 0)) | ((lane.u >= limits.upper) & (g < 0))
     free = np.flatnonzero(~(lane.held | stuck) & (np.diag(matrix) > 0))
-    inner, slope = matrix[np.ix_(free, free)], g[free]
-    if not len(free) or _decrement(inner, slope) <= NEAR * _scale(lane, limits):
+    model = (
+        Quadratic(matrix[np.ix_(free, free)], g[free], np.sqrt(lane.curvature[free])) if len(free) else None
+    )
+    if model is None or model.fall <= NEAR * _scale(lane, limits):
         _end(lane, CONVERGED)
         return
-    damped = inner + lane.damping * np.diag(lane.curvature[free])
+    first = lane.radius == np.inf
+    best = model.damped(limits.damping) if first else model.within(lane.radius)
     step = np.zeros_like(g)
-    step[free] = np.clip(-np.linalg.solve(damped, slope), -limits.longest[free], limits.longest[free])
+    step[free] = np.clip(best, -limits.longest[free], limits.longest[free])
     lane.trial = np.clip(lane.u + step, limits.lower, limits.upper)
     moved = lane.trial - lane.u
+    lane.size = float(np.sqrt(moved**2 @ lane.curvature))
+    lane.radius = lane.size if first else lane.radius
+    # Clipped at a bound, a step need not go downhill: it is then rejected, and a shorter one is.
     lane.expected = float(-(g @ moved) - 0.5 * moved @ matrix @ moved)
-    if not lane.expected > 0:
-        # Clipped at a bound, the step need not go downhill; a shorter one does.
-        lane.damping *= lane.growth
-
-
-def _decrement(matrix: NDArray[np.float64], slope: Vector) -> float:
-    """Fall of the cost that the quadratic model expects of its own minimum: gᵀH⁻¹g/2."""
-    size = np.sqrt(np.diag(matrix))
-    scaled = matrix / np.outer(size, size) + 1e-12 * np.eye(len(size))
-    return float(0.5 * (slope / size) @ np.linalg.solve(scaled, slope / size))
 
 
 def _end(lane: Lane, code: str) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from jaxmuscle.estimation.cores import Arrays, divided
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.slopes import values_and_slopes
 from jaxmuscle.estimation.stations import Station
@@ -49,23 +50,32 @@ class Objective:
         cost, bad = np.zeros(len(points)), np.zeros(len(points), dtype=int)
         gradient, matrix = np.zeros((len(points), size)), np.zeros((len(points), size, size))
         for number in range(len(self.stations)):
-            r, slopes = self.residuals(number, points)
             index = self.unknowns.acting_on(number)
-            for lane, (values, rows) in enumerate(zip(r, slopes, strict=True)):
-                wrong = ~np.isfinite(values)
-                values = np.where(wrong, 0.0, values)
-                w = self.loss.weight(values)
-                # A prediction that is not a number costs the same under every loss.
-                cost[lane] += self.loss.cost(values).sum() + 0.5 * BROKEN**2 * wrong.sum()
-                bad[lane] += int(wrong.sum())
-                gradient[lane, index] += rows @ (w * values)
-                matrix[lane][np.ix_(index, index)] += (rows * w) @ rows.T
+            parts = divided(partial(self._assembled, number), points)
+            cost, bad = cost + parts[0], bad + parts[1].astype(int)
+            gradient[:, index] += parts[2]
+            matrix[:, index[:, None], index] += parts[3]
         prior, slope = self.unknowns.prior_residuals(points), self.unknowns.prior_slopes
         cost += 0.5 * (prior**2).sum(axis=-1)
         gradient += prior * slope
         matrix += np.diag(slope**2)
         whole = zip(cost.tolist(), gradient, matrix, bad.tolist(), strict=True)
         return [Local(*each) for each in whole]
+
+    def _assembled(self, number: int, points: Float[NDArray, "some k"]) -> Arrays:
+        """Of one recording: cost, predictions that are not numbers, gradient and Gauss-Newton matrix."""
+        values, slopes = self._by_values(number, points)
+        inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number)]
+        wrong = ~np.isfinite(values)
+        values = np.where(wrong, 0.0, values)
+        # Far from anything sensible a square may be infinite: that start is then given up.
+        with np.errstate(over="ignore", invalid="ignore"):
+            rows = slopes * self.loss.weight(values)[:, None]
+            # A prediction that is not a number costs the same under every loss.
+            cost = self.loss.cost(values).sum(axis=1) + 0.5 * BROKEN**2 * wrong.sum(axis=1)
+            gradient = inner * (rows @ values[..., None])[..., 0]
+            matrix = inner[:, :, None] * inner[:, None, :] * (rows @ slopes.transpose(0, 2, 1))
+        return cost, wrong.sum(axis=1), gradient, matrix
 
     def residuals(
         self, number: int, points: Float[NDArray, "lanes k"]
@@ -74,11 +84,21 @@ class Objective:
 
         A prediction that is not a number has a residual that is not, and no slope.
         """
+        r, slopes = divided(partial(self._by_values, number), points)
+        inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number), None]
+        with np.errstate(over="ignore"):
+            return r, slopes * inner
+
+    def _by_values(
+        self, number: int, points: Float[NDArray, "lanes k"]
+    ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
+        """Residuals of one recording and their derivatives by the values (SI) that act on it."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
         paths = tuple(self.unknowns.entries[i].place.path for i in index)
+
         thetas = jnp.asarray(self.unknowns.values(points)[:, index])
-        r, slopes = values_and_slopes(thetas, station.actuator, station.problem, paths)  # pyright: ignore
-        inner = self.unknowns.slopes(points)[:, index, None]
-        with np.errstate(invalid="ignore", over="ignore"):
-            scaled = np.asarray(slopes) * inner
-        return np.asarray(r), np.where(np.isfinite(scaled), scaled, 0.0)
+        found = values_and_slopes(thetas, station.actuator, station.problem, paths)  # pyright: ignore
+        r, slopes = (np.asarray(each) for each in found)
+        with np.errstate(over="ignore", invalid="ignore"):
+            sound = np.isfinite(slopes.sum())
+        return r, slopes if sound else np.where(np.isfinite(slopes), slopes, 0.0)

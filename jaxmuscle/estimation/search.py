@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from jaxmuscle.estimation.cores import cores
 from jaxmuscle.estimation.distinct import descend_distinct, ends, winner_of
-from jaxmuscle.estimation.lane import BUDGET, FIRST_DAMPING, Course, Lane, Limits
+from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits
 from jaxmuscle.estimation.noise import with_estimated_noise
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.refined import refined
@@ -19,13 +20,11 @@ from jaxmuscle.estimation.spread import weighted
 from jaxmuscle.estimation.stages import stages
 
 MOST_LANES = 8
-"""Starts under way at a time."""
+"""Starts under way at a time on each core: with more, what a step touches no longer fits into its cache."""
 MOST_NUMBERS = 4e7
 """Derivatives held at a time, which bounds the number of lanes."""
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
-CAUTIOUS = 1e-3
-"""Damping of the first step on whole windows, where the cost may be rugged and its minimum is near."""
 ROUNDS = 2
 """Times that the noise is estimated anew."""
 
@@ -69,11 +68,10 @@ def search(task: Search) -> Found:
         InputError: all starts failed; the reasons are counted.
     """
     objective, counted = task.objective, _Counter(task.tell)
-    limits = dataclasses.replace(_limits(task), damping=CAUTIOUS)
+    limits = _limits(task)
     begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
     now = time.monotonic()
-    smooth = dataclasses.replace(limits, damping=FIRST_DAMPING)
-    first = dataclasses.replace(smooth, deadline=now + FIRST_SHARE * (task.deadline - now))
+    first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
     lanes: list[Lane] = []
     for stage, stations in stages(begun.stations, task.continuation):
         points, failed = ends(lanes) if lanes else (task.points, {})
@@ -115,10 +113,17 @@ class _Counter:
         return count
 
 
+def evenly(points: int, most: int) -> int:
+    """Points at a time so that rounds of at most so many are alike."""
+    rounds = -(-points // most)
+    return -(-points // rounds)
+
+
 def _limits(task: Search) -> Limits:
     objective = task.objective
     numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
-    lanes = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, min(len(task.points), MOST_LANES)))
+    most = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, MOST_LANES * cores()))
+    lanes = evenly(len(task.points), most)
     lower, upper = objective.unknowns.lower, objective.unknowns.upper
     reach = objective.unknowns.reach
     return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples, reach)

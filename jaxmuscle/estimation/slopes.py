@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.base import AbstractActuator, Link
+from jaxmuscle.estimation.influence import Leaves, Traced, slopes_of
 from jaxmuscle.estimation.names import OFFSET, START, of_machine
-from jaxmuscle.fitting.predictions import link_predictions
+from jaxmuscle.fitting.predictions import hidden_states, link_prediction
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.parameters import replace
+from jaxmuscle.simulation import Start
 
 
 def moved(
@@ -54,14 +60,21 @@ def residual_vector(
     Args:
         substeps: solver steps between two samples; the problem's when `None`.
     """
-    machine, shifted = moved(actuator, problem, paths, [theta[i] for i in range(len(paths))])
-    predicted = link_predictions(machine, shifted, substeps)
+    machine, shifted = moved(actuator, problem, paths, list(theta))
+    hidden = hidden_states(machine, shifted, substeps)
+    return jnp.concatenate([_weighted(machine, shifted, link, hidden, substeps) for link in actuator.links])
 
-    def weighted(output: str) -> Array:
-        weight = shifted.weights[output]
-        return jnp.where(weight > 0, (predicted[output] - shifted.targets[output]) * weight, 0.0).ravel()
 
-    return jnp.concatenate([weighted(link.output) for link in actuator.links])
+def _weighted(
+    machine: AbstractActuator,
+    problem: Problem,
+    link: Link,
+    hidden: Start,
+    substeps: int | Array | None = None,
+) -> Float[Array, " residuals"]:
+    weight = problem.weights[link.output]
+    predicted = link_prediction(machine, problem, link, hidden, substeps)
+    return jnp.where(weight > 0, (predicted - problem.targets[link.output]) * weight, 0.0).ravel()
 
 
 @eqx.filter_jit
@@ -70,20 +83,42 @@ def values_and_slopes(
 ) -> tuple[Float[Array, "lanes residuals"], Float[Array, "lanes values residuals"]]:
     """Residuals at each set of values (SI) and their derivatives by every value.
 
-    All sets and all tangents go through one simulation, compiled once for a structure of the machine and a
-    shape of the problem.
+    The hidden states and each link are simulated once, with a tangent for every value that can act there;
+    all sets go through the same simulations, compiled once for a structure of the machine and a shape of the
+    problem.
     """
 
-    def lane(theta: Array) -> tuple[Array, Array]:
-        def pushed(direction: Array) -> tuple[Array, Array]:
-            run = lambda t: residual_vector(t, actuator, problem, paths)  # noqa: E731
-            return jax.jvp(run, (theta,), (direction,))
+    def at(values: Leaves) -> tuple[AbstractActuator, Problem]:
+        return moved(actuator, problem, paths, values)
 
-        return jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(paths)))
+    trees: list[Any] = []
+
+    def observed(values: Leaves, _: Leaves) -> Leaves:
+        leaves, tree = jax.tree.flatten(hidden_states(*at(values)))
+        trees.append(tree)
+        return leaves
+
+    def predicted(link: Link, values: Leaves, leaves: Leaves) -> Leaves:
+        return [_weighted(*at(values), link, jax.tree.unflatten(trees[0], leaves))]
+
+    observer = Traced(observed, thetas[0], [])
+    links = [Traced(partial(predicted, link), thetas[0], observer.shapes) for link in actuator.links]
+
+    def lane(theta: Array) -> tuple[Array, Array]:
+        hidden = slopes_of(observer, theta, [], [], [])
+        parts = [slopes_of(link, theta, *hidden) for link in links]
+        blocks = [_block(slopes[0], reached[0], values[0]) for values, slopes, reached in parts]
+        return jnp.concatenate([values[0] for values, *_ in parts]), jnp.concatenate(blocks, axis=1)
 
     if len(thetas) == 1:  # one level of batching less is traced and compiled in two thirds of the time
         return tuple(part[None] for part in lane(thetas[0]))  # pyright: ignore[reportReturnType]
     return jax.vmap(lane)(thetas)
+
+
+def _block(slopes: Array | None, reached: NDArray[np.bool_], values: Array) -> Array:
+    """Derivatives of one link by every value, zero by those that do not act on it."""
+    block = jnp.zeros((len(reached), *values.shape))
+    return block if slopes is None else block.at[np.flatnonzero(reached)].set(slopes)
 
 
 def _stacked(columns: Sequence[str], offsets: dict[str, Array]) -> Array:

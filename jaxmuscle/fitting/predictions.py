@@ -21,16 +21,45 @@ def link_predictions(
     Args:
         substeps: solver steps between two samples; the problem's when `None`.
     """
+    hidden = hidden_states(actuator, problem, substeps)
+    return {
+        link.output: link_prediction(actuator, problem, link, hidden, substeps) for link in actuator.links
+    }
+
+
+def link_prediction(
+    actuator: AbstractActuator,
+    problem: Problem,
+    link: Link,
+    hidden: Start,
+    substeps: int | Array | None = None,
+) -> Array:
+    """The output of one link, its inputs as measured and the states that are not from `hidden`."""
     steps: Any = problem.substeps if substeps is None else substeps
-    problem = _begun(problem)
-    hidden = _hidden(actuator, problem, steps)
-    return {link.output: _predict(actuator, problem, link, hidden, steps) for link in actuator.links}
+    return predict(
+        actuator,
+        _begun(problem).track,
+        problem.rows,
+        samples=problem.samples,
+        imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
+        substeps=steps,
+        hidden=hidden,
+        period=problem.period,
+    )[link.output]
+
+
+def hidden_states(actuator: AbstractActuator, problem: Problem, substeps: int | Array | None = None) -> Start:
+    """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
+    steps: Any = problem.substeps if substeps is None else substeps
+    track = _begun(problem).track
+    own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
+    start = with_states(start_at_rest(actuator, track), own)
+    return observe(actuator, track, problem.total, steps, start)
 
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Every output predicted from the command alone, window by window."""
-    problem = _begun(problem)
-    hidden = _hidden(actuator, problem, problem.substeps)
+    hidden, problem = hidden_states(actuator, problem), _begun(problem)
     return predict(
         actuator,
         problem.track,
@@ -42,19 +71,6 @@ def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals
     )
 
 
-def _predict(actuator: AbstractActuator, problem: Problem, link: Link, hidden: Start, substeps: Any) -> Array:
-    return predict(
-        actuator,
-        problem.track,
-        problem.rows,
-        samples=problem.samples,
-        imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
-        substeps=substeps,
-        hidden=hidden,
-        period=problem.period,
-    )[link.output]
-
-
 def _begun(problem: Problem) -> Problem:
     """With the measured states of the first sample as `begin` says."""
     measured = dict(problem.track.measured)
@@ -63,11 +79,3 @@ def _begun(problem: Problem) -> Problem:
         if name in measured:
             measured[name] = measured[name].at[(0, *(index or ()))].set(value)
     return eqx.tree_at(lambda p: p.track.measured, problem, measured)
-
-
-def _hidden(actuator: AbstractActuator, problem: Problem, substeps: Any) -> Start:
-    """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
-    track = problem.track
-    own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
-    start = with_states(start_at_rest(actuator, track), own)
-    return observe(actuator, track, problem.total, substeps, start)
