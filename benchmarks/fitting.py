@@ -9,7 +9,7 @@ model); the fits know nothing but them. Five questions, each a part that can be 
     effects      every effect's own parameters from starts 30 to 50 % off: are they found?
     hysteresis   weights and thresholds of two muscles, fifty parameters, within 60 s?
 
-    python benchmarks/fitting.py [--only PART] [--repeats 100] [--starts 20] [--json]
+    python benchmarks/fitting.py [--only PART] [--rig RIG] [--repeats 100] [--starts 20] [--json]
 
 CasADi (`pip install casadi`) and gcc are needed by the race alone.
 """
@@ -32,13 +32,13 @@ Rows = Iterable[dict[str, Any]]
 def coverage(arguments: argparse.Namespace) -> Rows:
     from fitting_believed import believed
 
-    return believed(arguments.repeats)
+    return believed(arguments.repeats, arguments.rig)
 
 
 def starts(arguments: argparse.Namespace) -> Rows:
     from fitting_believed import arrived
 
-    return arrived(arguments.starts)
+    return arrived(arguments.starts, arguments.rig)
 
 
 def race(arguments: argparse.Namespace) -> Rows:
@@ -79,6 +79,9 @@ def main() -> int:
     )
     parser.add_argument(
         "--only", choices=PARTS, action="append", help="one part; may be given more than once"
+    )
+    parser.add_argument(
+        "--rig", action="append", help="of coverage and starts one rig; may be given more than once"
     )
     parser.add_argument("--repeats", type=int, default=100, help="recordings of each rig for the coverage")
     parser.add_argument("--starts", type=int, default=20, help="starts of each rig that are 50 %% off")
