@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Container, Mapping, Sequence
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
-from jaxmuscle.estimation.asked import Asked, PriorLike
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.checked import factors, whole
 from jaxmuscle.estimation.layout import known_places, layout
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing import Mask
@@ -42,8 +42,8 @@ def prepared(
     check_same_rig(actuator, recordings)
     names = labels(recordings)
     unknowns = layout(actuator, recordings, names, asked)
-    profiled(actuator, recordings, asked)
-    if isinstance(noise, str) and noise != ESTIMATED:
+    profiled(actuator, recordings, asked, {entry.place.name for entry in unknowns.entries})
+    if not (noise is None or isinstance(noise, Mapping) or (isinstance(noise, str) and noise == ESTIMATED)):
         raise InputError(f"noise: expected {ESTIMATED!r} or a mapping of columns to values; got {noise!r}")
     levels = _checked(actuator, noise) if isinstance(noise, Mapping) else {}
     machines = conditions(actuator, recordings, {e.place.path for e in unknowns.entries})
@@ -51,15 +51,30 @@ def prepared(
     return Objective(aligned([station(*part, levels) for part in parts]), unknowns, rule)
 
 
-def profiled(actuator: AbstractActuator, recordings: Sequence[Recording], asked: Asked) -> list[str]:
-    """The names of all places whose profile is asked for."""
-    known = known_places(actuator, recordings, asked)[0]
-    return [p.name for name in asked.profiles for p in expanded(known, resolve(known, name, "profiles"))]
+def profiled(
+    actuator: AbstractActuator, recordings: Sequence[Recording], asked: Asked, free: Container[str]
+) -> list[str]:
+    """The names of all places whose profile is asked for.
+
+    Args:
+        free: names of the places that the fit moves.
+
+    Raises:
+        InputError: one of them is unknown, or not free.
+    """
+    known, found = known_places(actuator, recordings, asked)[0], []
+    for name in asked.profiles:
+        # Of an array that is given as a whole, entries that are not free have none.
+        own = [p.name for p in expanded(known, resolve(known, name, "profiles")) if p.name in free]
+        if not own:
+            raise InputError(f"profiles: {name!r} is not free; add it to free= or leave it out of profiles=")
+        found += own
+    return found
 
 
 def widths(continuation: Sequence[float]) -> tuple[float, ...]:
     """The factors of a continuation, checked: above 1 and falling."""
-    found = tuple(float(factor) for factor in continuation)
+    found = factors(continuation, "continuation")
     if any(not a > b for a, b in itertools.pairwise((*found, 1.0))):
         raise InputError(
             f"continuation: expected factors that fall from wide to narrow, above 1, such as (30, 6); "
@@ -72,30 +87,11 @@ def begun_at(
     unknowns: Unknowns, starts: int | Sequence[Mapping[str, float]], seed: int
 ) -> NDArray[np.float64]:
     """Coordinates of the points from which a fit begins."""
-    if not isinstance(starts, int):
+    if isinstance(starts, Sequence) and not isinstance(starts, str):
         return given_starts(unknowns, starts)
-    if starts < 1:
-        raise InputError(f"starts: expected a number from 1 on; got {starts}")
-    return spread_starts(unknowns, starts, seed)
-
-
-def as_settings(asked: Asked, rule: Loss, noise: NoiseLike) -> dict[str, Any]:
-    """The arguments with which the same can be asked for again, as plain data."""
-    return {
-        "free": None if asked.free is None else list(asked.free),
-        "priors": {name: _plain(prior) for name, prior in asked.priors.items()},
-        "bounds": {name: tuple(pair) for name, pair in asked.bounds.items()},
-        "loss": rule,
-        "noise": dict(noise) if isinstance(noise, Mapping) else noise,
-        "shared": list(asked.shared),
-        "per_recording": list(asked.per_recording),
-        "profiles": list(asked.profiles),
-        "continuation": list(asked.continuation),
-    }
-
-
-def _plain(prior: PriorLike) -> tuple[float, float] | None:
-    return prior if prior is None or isinstance(prior, tuple) else dataclasses.astuple(prior)  # pyright: ignore
+    if isinstance(starts, Mapping):
+        raise InputError(f"starts: expected a list with a mapping for each start; got only {starts!r}")
+    return spread_starts(unknowns, whole(starts, "starts", 1), seed)
 
 
 def _checked(actuator: AbstractActuator, noise: Mapping[str, float]) -> dict[str, float]:
@@ -103,9 +99,11 @@ def _checked(actuator: AbstractActuator, noise: Mapping[str, float]) -> dict[str
     for column, level in noise.items():
         if column not in sensors:
             raise InputError(f"noise: unknown column {column!r}; expected one of {', '.join(sensors)}")
-        if not 0 < level < np.inf:
-            raise InputError(f"noise[{column!r}]: expected a standard deviation above zero (SI); got {level}")
-    return dict(noise)
+        if not isinstance(level, Real) or not 0 < level < np.inf:
+            raise InputError(
+                f"noise[{column!r}]: expected a standard deviation above zero (SI); got {level!r}"
+            )
+    return {column: float(level) for column, level in noise.items()}
 
 
 def _masks(masks: Masks, recordings: Sequence[Recording]) -> list[Mask | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.estimation.names import START, Place
+from jaxmuscle.estimation.names import START, Place, range_of
 from jaxmuscle.parameters import entries_of
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.units import column_unit
@@ -36,8 +36,10 @@ def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, 
         meaning = f"{name} at the first sample of the recording; without a prior a fit begins at {begin}"
         if values.shape:
             found[path] = Place(path, path, float("nan"), unit, meaning, shape=values.shape)
-        for own, entry in zip(entries_of(path, values), values.ravel(), strict=True):
-            found[own] = Place(own, own, float(entry), unit, meaning)
+        sizes = _sizes(actuator, recording, name)
+        for i, (own, entry) in enumerate(zip(entries_of(path, values), values.ravel(), strict=True)):
+            size = sizes[i] if sizes else None
+            found[own] = Place(own, own, float(entry), unit, meaning, typical=size)
     return found
 
 
@@ -59,6 +61,12 @@ def _first(recording: Recording, columns: tuple[str, ...]) -> Array:
     values = [recording.columns[column] for column in columns]
     first = [float(v[np.isfinite(v)][0]) if np.isfinite(v).any() else 0.0 for v in values]
     return jnp.asarray(first[0] if len(first) == 1 else first)
+
+
+def _sizes(actuator: AbstractActuator, recording: Recording, name: str) -> list[float | None]:
+    """How far entries of a measured state may well be from the first reading: 1 % of the range."""
+    columns = actuator.measured.get(name, ())
+    return [0.01 * range_of(recording.columns[column]) or None for column in columns]
 
 
 def _numbers(value: object) -> bool:

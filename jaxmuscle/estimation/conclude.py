@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation.begun import state_scores
 from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.entries import correlations, fitted, outcomes
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
+from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.profile import profiles
 from jaxmuscle.estimation.result import FitResult
@@ -37,8 +39,8 @@ def conclude(
     progress("judging the fit")
     lines, rough = without_rough(objective, u, series(objective, u, found.limits.lanes), found.limits.lanes)
     ends = at_bound(unknowns, u)
-    sure = covariance(lines, unknowns, objective.loss, ends != 0)
-    idle, combinations = _identifiability(lines, unknowns, ends)
+    sure = covariance(lines, unknowns, objective.loss, ends != 0, state_scores(objective, u, lines))
+    idle, combinations = _identifiability(lines, unknowns, u, ends)
     chosen = [i for i, e in enumerate(unknowns.entries) if e.place.name in wanted and not ends[i]]
     if chosen:
         progress("computing profile likelihoods")
@@ -75,15 +77,28 @@ def conclude(
 
 
 def _identifiability(
-    lines: Sequence[Series], unknowns: Unknowns, ends: NDArray[np.int64]
+    lines: Sequence[Series], unknowns: Unknowns, u: NDArray[np.float64], ends: NDArray[np.int64]
 ) -> tuple[tuple[str, ...], tuple[Undetermined, ...]]:
     slopes = np.concatenate([line.slopes for line in lines], axis=1)
     idle = without_influence(slopes, unknowns.names)
     kept = [i for i, name in enumerate(unknowns.names) if name not in idle and not ends[i]]
-    inner = slopes[kept]
-    prior = unknowns.prior_slopes[kept] ** 2
+    relative, logarithmic = _relative(unknowns, u)
+    inner = slopes[kept] * relative[kept, None]
+    prior = (unknowns.prior_slopes * relative)[kept] ** 2
     names = [unknowns.names[i] for i in kept]
-    return idle, undetermined(inner @ inner.T, prior, names, unknowns.logarithmic[kept])
+    return idle, undetermined(inner @ inner.T, prior, names, logarithmic[kept])
+
+
+def _relative(unknowns: Unknowns, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Slopes of the coordinates by the logarithm of the values, and where they are these.
+
+    What may be zero, but is not near it, such as the force of a friction, is told apart from others by its
+    ratio to them as well as what is always positive. An offset or an initial state adds to something.
+    """
+    values = unknowns.values(u)
+    machines = np.array([of_machine(entry.place.path) for entry in unknowns.entries])
+    away = machines & ~unknowns.logarithmic & (np.abs(values) >= unknowns.scale)
+    return np.where(away, values / unknowns.scale, 1.0), unknowns.logarithmic | away
 
 
 def _inputs(

@@ -1,4 +1,4 @@
-"""How sure the fitted values are: three covariances, and the largest of their standard deviations."""
+"""How sure the fitted values are: four covariances, and the largest of their standard deviations."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ OUTSIDE = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class Covariance:
-    """Standard deviations of the coordinates u by three rules, and the correlation between them.
+    """Standard deviations of the coordinates u by four rules, and the correlation between them.
 
     Attributes:
         independent: as if the residuals were white, of the size that they have.
         coloured: allowing for their autocorrelation too.
         windows: allowing for any correlation within a window of prediction; zeros with fewer than two.
-        std: the largest of the three; infinite where the data and the priors leave a parameter open.
+        states: allowing for the states with which windows begin, as uncertain as they are.
+        std: the largest of the four; infinite where the data and the priors leave a parameter open.
         assumed: (JᵀJ)⁻¹ as if the noise were white and what it was said to be: how the cost curves.
         correlations: those of `coloured`.
         times: recording, column → autocorrelation time of the residuals [samples].
@@ -39,6 +40,7 @@ class Covariance:
     independent: Float[NDArray, " k"]
     coloured: Float[NDArray, " k"]
     windows: Float[NDArray, " k"]
+    states: Float[NDArray, " k"]
     std: Float[NDArray, " k"]
     assumed: Float[NDArray, " k"]
     correlations: Matrix
@@ -46,7 +48,11 @@ class Covariance:
 
 
 def covariance(
-    lines: Sequence[Series], unknowns: Unknowns, loss: Loss, fixed: Bool[NDArray[np.bool_], " k"]
+    lines: Sequence[Series],
+    unknowns: Unknowns,
+    loss: Loss,
+    fixed: Bool[NDArray[np.bool_], " k"],
+    scores: Float[NDArray, "sources k"] | None = None,
 ) -> Covariance:
     r"""Covariance of the coordinates at the minimum, :math:`A^{-1} B A^{-1}` (Huber 1967).
 
@@ -55,6 +61,7 @@ def covariance(
 
     Args:
         fixed: coordinates at a bound; they count as known there and get no standard deviation.
+        scores: changes of the score by uncertain states (`begun.state_scores`); `None` for none.
     """
     size = len(unknowns)
     prior = np.diag(unknowns.prior_slopes**2)
@@ -78,7 +85,9 @@ def covariance(
         # Few windows seem to agree better than they do, as all parameters were fitted to them.
         few = groups / max(groups - int((~fixed).sum()), 1)
         windows = space.sandwich(prior + few * grouped.T @ grouped)
-    stds = [_roots(matrix) for matrix in (independent, coloured, windows)]
+    begun = np.zeros((0, size)) if scores is None else scores
+    states = space.sandwich(white + begun.T @ begun)
+    stds = [_roots(matrix) for matrix in (independent, coloured, windows, states)]
     found = [np.where(space.open, np.inf, std) for std in stds]
     safe = np.where(stds[1] > 0, stds[1], 1.0)
     correlations = coloured / np.outer(safe, safe)
@@ -89,6 +98,7 @@ def covariance(
         independent=found[0],
         coloured=found[1],
         windows=found[2],
+        states=found[3],
         std=np.maximum.reduce(found),
         assumed=_roots(space.inverse),
         correlations=correlations,

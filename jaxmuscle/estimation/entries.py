@@ -51,6 +51,7 @@ def fitted(
             independent=size * float(sure.independent[i]),
             coloured=size * float(sure.coloured[i]),
             windows=size * float(sure.windows[i]),
+            states=size * float(sure.states[i]),
             prior=None if entry.prior is None else (entry.prior.mean, entry.prior.std),
             at_bound={-1: "lower", 1: "upper"}.get(int(ends[i])),
             recording=labels[entry.recordings[0]] if entry.name != entry.place.name else None,

@@ -81,13 +81,15 @@ def _autocorrelation(axes: Axes, result: FitData, label: str, column: str) -> No
 
 def _profile(axes: Axes, result: FitData, curve: Profile) -> None:
     fitted = result.parameters[curve.name]
-    axes.plot(curve.values, curve.deviance, "o-", color=FIT, markersize=3, linewidth=1.2, label="profile")
+    axes.plot(curve.values, curve.deviance, "o", color=FIT, markersize=3, label="profile")
+    x = np.linspace(curve.values[0], curve.values[-1], 60)
+    axes.plot(x, np.interp(x, curve.values, curve.roots) ** 2, "-", color=FIT, linewidth=1.2)
     if fitted.std > 0:
-        x = np.linspace(curve.values[0], curve.values[-1], 60)
         parabola = ((x - fitted.value) / fitted.std) ** 2
         axes.plot(x, parabola, "--", color=MUTED, linewidth=0.9, label="parabola of the covariance")
     axes.axhline(QUANTILE**2, color=MUTED, linewidth=0.7)
-    axes.set_title(curve.name, fontsize=9, loc="left")
+    axes.set_title(curve.name, fontsize=8, loc="left")
+    axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel(f"[{fitted.unit or '-'}]")
     axes.set_ylabel("deviance")
     axes.legend(frameon=False, fontsize=7)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.arguments import (
     ESTIMATED,
     Masks,
-    as_settings,
     begun_at,
     prepared,
     profiled,
@@ -19,6 +17,7 @@ from jaxmuscle.estimation.arguments import (
 )
 from jaxmuscle.estimation.asked import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.conclude import conclude
+from jaxmuscle.estimation.kept import as_settings
 from jaxmuscle.estimation.lane import Course
 from jaxmuscle.estimation.losses import Loss, loss_named
 from jaxmuscle.estimation.result import FitResult
@@ -68,23 +67,26 @@ def fit(
             otherwise are as measured or at rest; what the cards call uncertain when `None`. Names in
             `shared` and `per_recording` are free too. :func:`jaxmuscle.simulate` takes fitted states as its
             `start`, without the ``start.``.
-        priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's.
+        priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's. What each recording
+            has of its own can be named as in the result, ``mass[lift-2]``, here and in `bounds`.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
         masks: rows that are bad: for one recording a boolean array or column → array; for several a
             sequence of these, `None` where nothing is bad.
         loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.losses.Loss`.
         noise: column → standard deviation of its sensor, in place of the card's; "estimated" for the size of
-            the residuals themselves; by default the card's, or what the fourth differences of the data show.
+            the residuals themselves, in each recording; by default the card's, or what the fourth differences
+            of the data show.
         starts: number of starts (the machine's own, then a Latin hypercube over the priors), or what each
             of them begins with.
         shared, per_recording: names with one value for all recordings, and with one for each. By default
             all are shared but ``start.STATE``.
-        profiles: names whose profile likelihood is computed.
+        profiles: names whose profile likelihood is computed, if there is time left.
         continuation: factors by which dry friction is smoothed more widely at first, from wide to narrow:
             ``(30, 6)``. These stages take the place of the shortest parts of a window, which did as well or
             better where both were tried: a second way for a fit that does not arrive by the first.
             A rig of your own takes part when it hands `held.widening` to `slip_of_mass`.
-        budget: seconds after which the best so far is returned.
+        budget: seconds after which the search ends and the best so far is judged and returned. What is being
+            compiled is not interrupted: some seconds with a machine that was not fitted before.
         steps: most steps of a start.
         seed: of the Latin hypercube.
         progress: called with a line of text at every iteration.
@@ -97,17 +99,26 @@ def fit(
             starts failed.
     """
     begin = time.monotonic()
-    given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    known = dict(priors or {}), dict(bounds or {})
-    asked = Asked(free, tuple(shared), tuple(per_recording), *known, tuple(profiles), widths(continuation))
+    given = checked.given_recordings(actuator, recordings)
+    steps, seed = checked.whole(steps, "steps", 1), checked.whole(seed, "seed", 0)
+    deadline = begin + checked.seconds(budget, "budget")
+    asked = Asked(
+        None if free is None else checked.names(free, "free"),
+        checked.names(shared, "shared"),
+        checked.names(per_recording, "per_recording"),
+        checked.by_name(priors, "priors"),
+        checked.by_name(bounds, "bounds"),
+        checked.names(profiles, "profiles"),
+        widths(continuation),
+    )
     rule = loss_named(loss)
     objective = prepared(actuator, given, asked, masks, noise, rule)
     points = begun_at(objective.unknowns, starts, seed)
-    deadline = np.inf if budget is None else begin + budget
     told = _teller(progress, begin)
     task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation)
-    settings = as_settings(asked, rule, noise) | {"steps": steps, "seed": seed}
-    wanted = profiled(actuator, given, asked)
+    settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
+    free_names = {entry.place.name for entry in objective.unknowns.entries}
+    wanted = profiled(actuator, given, asked, free_names)
     return conclude(search(task), actuator, wanted, settings, progress, begin)
 
 

@@ -13,7 +13,7 @@ class Fitted:
     """One fitted value. SI.
 
     Attributes:
-        std: the largest of `independent`, `coloured` and `windows`, see
+        std: the largest of `independent`, `coloured`, `windows` and `states`, see
             :func:`jaxmuscle.estimation.covariance.covariance`; 0 at a bound.
         prior: mean and standard deviation of what was known beforehand.
         at_bound: "lower" or "upper" when the value ended there.
@@ -35,6 +35,7 @@ class Fitted:
     prior: tuple[float, float] | None = None
     at_bound: str | None = None
     recording: str | None = None
+    states: float = 0.0
 
     def interval(self) -> tuple[float, float]:
         """95 % confidence interval; of a positive parameter on the logarithm, and within the bounds."""
@@ -69,7 +70,8 @@ class Noise:
         assumed: of the sensor.
         residual: root mean square residual.
         ratio: root mean square of the residuals over what was expected of each: the sensor's noise, and
-            what the smoothed states that predictions begin from leave uncertain.
+            what the smoothed states that predictions begin from leave uncertain; residuals weighted as the
+            loss does, so that outliers hardly count under a robust one.
     """
 
     assumed: float

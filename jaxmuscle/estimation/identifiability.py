@@ -26,8 +26,8 @@ class Undetermined:
     """A direction in which the parameters can move without a trace in the data.
 
     Attributes:
-        exponents: parameter → how it moves along the direction, the largest 1: of positive parameters the
-            logarithm, of others in units of their scale.
+        exponents: parameter → how it moves along the direction, the largest 1: the logarithm of parameters of
+            the machine that are away from zero, others in units of their scale.
         std: standard deviation along the direction by the data alone, in these units.
         words: a sentence.
     """
@@ -49,15 +49,16 @@ def undetermined(
     names: Sequence[str],
     logarithmic: NDArray[np.bool_],
 ) -> tuple[Undetermined, ...]:
-    """The directions of which the data know less than a factor e, or less than the priors.
+    """The directions of which the data know less than a factor e, or less than the priors, each in words.
 
     From the near-null singular vectors of the sensitivities in log parameters, brought to the form with the
     fewest entries (reduced echelon form).
 
     Args:
-        information: JᵀJ of the data alone, by ln θ of positive parameters and θ/scale of others.
+        information: JᵀJ of the data alone, by the logarithm of some parameters and θ/scale of others.
         prior: 1/std² of the priors in the same coordinates.
         names: parameters; those without any influence are left out by the caller.
+        logarithmic: which those are.
     """
     if not len(names):
         return ()
@@ -72,27 +73,59 @@ def undetermined(
         std = precision**-0.5 if precision > 0 else np.inf
         exponents = {n: float(x) for n, x in zip(names, direction, strict=True) if x != 0}
         logs = {n: bool(log) for n, log in zip(names, logarithmic, strict=True)}
-        found.append(Undetermined(exponents, std, in_words(exponents, logs)))
+        found.append(Undetermined(exponents, std, in_words(exponents, logs, std)))
     return tuple(found)
 
 
-def in_words(exponents: dict[str, float], logarithmic: dict[str, bool]) -> str:
-    """What a direction means: the parameter, or the combination that alone is determined."""
+def in_words(exponents: dict[str, float], logarithmic: dict[str, bool], std: float = np.inf) -> str:
+    """What a direction means: the parameter, or the combination that alone is determined.
+
+    Args:
+        std: along the direction by the data alone; what they do determine, if not as well as the priors do,
+            is not said to be undetermined.
+    """
     names = list(exponents)
+    if std < UNKNOWN:
+        return _less_than_priors(exponents, logarithmic, std)
     if len(names) == 1:
         return f"{names[0]} is not determined by the data"
     listed = f"{', '.join(names[:-1])} and {names[-1]}"
     if not all(logarithmic[name] for name in names):
-        moves = ", ".join(f"{name} by {exponents[name]:+.2g}" for name in names)
-        return (
-            f"{listed} are not determined one by one: the data allow to shift {moves} "
-            f"(in units of their scales)"
-        )
+        moves = _moves(exponents, logarithmic, 0.1)
+        return f"{listed} are not determined one by one: the data allow to shift {moves}"
     if len(names) == 2:
         a, b = (exponents[name] for name in names)
         return f"only {_product({names[0]: 1.0, names[1]: -a / b})} is determined, not {listed} one by one"
-    moves = _product(exponents).replace(" / ", " and inversely ")
+    moves = _scaled(exponents)
     return f"{listed} are not determined one by one: the data allow to scale {moves} together"
+
+
+def _less_than_priors(exponents: dict[str, float], logarithmic: dict[str, bool], std: float) -> str:
+    names = list(exponents)
+    if len(names) == 1:
+        size = f"{100 * std:.2g} %" if logarithmic[names[0]] else f"{std:.2g} of its scale"
+        return f"the prior tells more of {names[0]} than the data, whose own standard deviation is {size}"
+    listed = f"{', '.join(names[:-1])} and {names[-1]}"
+    if all(logarithmic[name] for name in names):
+        change = f"scaling {_scaled(exponents)} together by {100 * std:.2g} %"
+    else:
+        change = f"shifting {_moves(exponents, logarithmic, std)}"
+    return f"the priors tell {listed} apart better than the data, to which {change} is one standard deviation"
+
+
+def _moves(exponents: dict[str, float], logarithmic: dict[str, bool], times: float) -> str:
+    """How far each goes, `times` along the direction."""
+    return ", ".join(
+        f"{name} by {100 * times * x:+.2g} %"
+        if logarithmic[name]
+        else f"{name} by {times * x:+.2g} of its scale"
+        for name, x in exponents.items()
+    )
+
+
+def _scaled(exponents: dict[str, float]) -> str:
+    """What is scaled up, and what down."""
+    return _product(exponents).replace(" / ", " and inversely ")
 
 
 def _product(exponents: dict[str, float]) -> str:

@@ -12,7 +12,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.agreement import agreed_prior, card_entry
 from jaxmuscle.estimation.asked import Asked, Bounds, read_bounds, read_prior
 from jaxmuscle.estimation.beginnings import start_places
-from jaxmuscle.estimation.names import START, Place, columns, expanded, places, resolve
+from jaxmuscle.estimation.names import START, Place, columns, expanded, of_machine, places, range_of, resolve
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.estimation.within import unknown_within
 from jaxmuscle.fitting.free import Prior
@@ -57,19 +57,23 @@ def layout(
         )
     # Recordings begin each in its own way: an initial state is shared only where that is asked for.
     own |= {n: p for n, p in chosen.items() if p.path.startswith(START) and n not in shared}
-    priors = _named(known, chosen, asked.priors, "priors", read_prior)
-    bounds = _named(known, chosen, asked.bounds, "bounds", read_bounds)
+    many = len(recordings) > 1
+    single = {f"{name}[{label}]" for name in own for label in labels} if many else set()
+    priors = _named(known, chosen, single, asked.priors, "priors", read_prior)
+    bounds = _named(known, chosen, single, asked.bounds, "bounds", read_bounds)
     entries = []
     for name, place in chosen.items():
         groups = [(i,) for i in range(len(recordings))] if name in own else [tuple(range(len(recordings)))]
         for group in groups:
             cards = [(labels[i], card_entry(recordings[i].card, place)) for i in group]
-            prior = priors[name] if name in priors else agreed_prior(name, cards)
-            label = f"{name}[{labels[group[0]]}]" if name in own and len(recordings) > 1 else name
+            label = f"{name}[{labels[group[0]]}]" if name in own and many else name
+            given = next((n for n in (label, name) if n in priors), None)
+            prior = agreed_prior(name, cards) if given is None else priors[given]
+            within = bounds.get(label, bounds.get(name, (None, None)))
             start = _start(by_recording[group[0]][name], cards) if name in own else place.value
-            if place.path.startswith(START):
-                start = _beginning(start, prior, bounds.get(name, (None, None)))
-            entries.append(unknown_within(label, place, group, start, prior, bounds.get(name, (None, None))))
+            if not of_machine(place.path):
+                start = _beginning(start, prior, within)
+            entries.append(unknown_within(label, place, group, start, prior, within))
     return Unknowns(entries)
 
 
@@ -80,7 +84,9 @@ def _start(place: Place, cards: Sequence[tuple[str, Prior | float | None]]) -> f
 
 
 def _beginning(start: float, prior: Prior | None, bounds: Bounds) -> float:
-    """An initial state begins at its prior's mean, else as measured or at rest, in any case within bounds."""
+    """What no machine says, an offset or an initial state, begins at its prior's mean, else at zero, as
+    measured or at rest, in any case within bounds.
+    """
     lower, upper = bounds
     return float(np.clip(start if prior is None else prior.mean, lower, upper))
 
@@ -102,11 +108,18 @@ def _resolved(known: Mapping[str, Place], names: Iterable[str], where: str) -> d
     return {place.name: place for place in found}
 
 
-def _named(known, chosen, given, where, read) -> dict:
-    """Entries of `given` by the names of their places, each read; they must be free, and given once."""
+def _named(known, chosen, single, given, where, read) -> dict:
+    """Entries of `given` by the names of their places, each read; they must be free, and given once.
+
+    Args:
+        single: names of what a single recording has of its own, ``mass[lift-2]``; they stay as they are.
+    """
     found = {}
     for written, entry in given.items():
         value = read(entry, f"{where}[{written!r}]")
+        if written in single:
+            found[written] = value
+            continue
         # Of an array that is given as a whole, entries that are not free may stay as they are.
         names = [p.name for p in expanded(known, resolve(known, written, where)) if p.name in chosen]
         if not names:
@@ -122,6 +135,6 @@ def _named(known, chosen, given, where, read) -> dict:
 
 def _ranges(actuator: AbstractActuator, recordings: Sequence[Recording]) -> dict[str, float]:
     return {
-        column: max(float(np.nanmax(r.columns[column]) - np.nanmin(r.columns[column])) for r in recordings)
+        column: max(range_of(recording.columns[column]) for recording in recordings)
         for column in columns(actuator)
     }

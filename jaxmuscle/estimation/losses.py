@@ -29,6 +29,7 @@ class Loss(abc.ABC):
         """ψ'(r)."""
 
 
+@dataclasses.dataclass(frozen=True)
 class Squares(Loss):
     """ρ = r²/2."""
 

@@ -47,6 +47,11 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
         InputError: a mask of the wrong length or for an unknown column, a missing command, too little left.
     """
     bad = _bad(actuator, recording, mask)
+    if nothing := [column for column, rows in bad.items() if rows.all()]:
+        raise InputError(
+            f"recording {recording.name!r}: column {nothing[0]!r} has no usable reading; a fit needs all "
+            f"that its rig measures. Mask less, or leave the recording out"
+        )
     filled = {
         name: _bridged(values, bad[name]) if name in bad else values
         for name, values in recording.columns.items()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
@@ -33,7 +34,8 @@ class Place:
         path: where it is in the machine; ``offset.COLUMN`` for the offset of a column, ``start.STATE`` for a
             state at the first sample.
         value: its value in the machine (SI); 0 for an offset.
-        typical: natural size (SI) of one whose value is zero, when it is known.
+        typical: natural size (SI) of one whose value is zero, when it is known; of an offset or of an initial
+            state how far it may well be from where it begins.
         shape: of a whole array, which is fitted entry by entry; its `value` is NaN.
     """
 
@@ -85,6 +87,12 @@ def columns(actuator: AbstractActuator) -> tuple[str, ...]:
     groups = (*actuator.measured.values(), *actuator.outputs.values())
     names = dict.fromkeys(name for group in groups for name in group)
     return tuple(name for name in names if name not in actuator.commands)
+
+
+def range_of(readings: NDArray[np.float64]) -> float:
+    """Of the readings that are numbers; zero without any."""
+    known = readings[np.isfinite(readings)]
+    return float(np.ptp(known)) if known.size else 0.0
 
 
 def resolve(known: Mapping[str, Place], name: str, where: str) -> Place:

@@ -11,24 +11,21 @@ from jaxmuscle.estimation.objective import Objective
 
 
 def with_estimated_noise(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objective:
-    """With the noise of each column as the size of its residuals at u, over all recordings.
+    """With the noise of each column of each recording as the size of its residuals at u.
 
     The root of the mean weighted square, residuals weighted as the loss does, which for squares is the
-    maximum-likelihood estimate.
+    maximum-likelihood estimate. Each recording has its own: benches, ranges of a sensor and what the model
+    lacks differ.
     """
-    sums: dict[str, NDArray] = {}
-    counts: dict[str, NDArray] = {}
+    stations = []
     for number, station in enumerate(objective.stations):
-        r, begin = objective.residuals(number, np.stack([u] * lanes))[0][0], 0
+        r, begin, factors = objective.residuals(number, np.stack([u] * lanes))[0][0], 0, {}
         for link in station.actuator.links:
             w = np.asarray(station.problem.weights[link.output])
             part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)
             begin += w.size
-            inside = (w > 0).reshape(part.shape)
-            squares = (objective.loss.weight(part) * part**2 * inside).sum(axis=(0, 1))
-            mass = (objective.loss.weight(part) * inside).sum(axis=(0, 1))
-            sums[link.output] = sums.get(link.output, 0.0) + squares
-            counts[link.output] = counts.get(link.output, 0.0) + mass
-    factors = {out: 1 / np.sqrt(np.maximum(sums[out] / counts[out], 1e-12)) for out in sums}
-    stations = [station.reweighted(factors) for station in objective.stations]
+            mass = objective.loss.weight(part) * (w > 0).reshape(part.shape)
+            squares = (mass * part**2).sum(axis=(0, 1)) / mass.sum(axis=(0, 1))
+            factors[link.output] = 1 / np.sqrt(np.maximum(squares, 1e-12))
+        stations.append(station.reweighted(factors))
     return dataclasses.replace(objective, stations=stations)

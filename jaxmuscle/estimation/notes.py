@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
 from jaxmuscle.estimation.data import FitData
 
 ENDS = {
     "converged": "The fit converged",
-    "stalled": "The fit stalled: no step lowers the cost any more, which is too rugged there",
+    "stalled": "The fit stalled: no step lowers the cost any more, which is too rugged there; standard "
+    "deviations, which go by slopes, may be too small",
     "steps": "The fit ran out of steps; this is the best so far",
     "budget": "The fit ran out of time; this is the best so far",
 }
 MUCH = 2.0
 """Ratio of residual to noise from which the model is said to lack something."""
 CORRELATED = 0.98
+BETTER = -0.5
+"""Deviance of a point of a profile from which it is another, better fit."""
+CONTRADICTED = 4.0
+"""Distance from a prior, in its standard deviations, from which data and prior contradict each other."""
 
 
 def notes(result: FitData) -> list[str]:
@@ -31,9 +38,16 @@ def notes(result: FitData) -> list[str]:
         for name, fitted in result.parameters.items()
         if fitted.at_bound
     ]
-    found += [f"{each.words[0].upper()}{each.words[1:]}." for each in result.undetermined]
-    found += _rough(result) + _correlated(result) + _misfit(result)
+    found += [f"{_capital(each.words, result)}." for each in result.undetermined]
+    found += (
+        _rough(result) + _profiles(result) + _correlated(result) + _against_priors(result) + _misfit(result)
+    )
     return found
+
+
+def _capital(words: str, result: FitData) -> str:
+    """A sentence from words; the name of a parameter with which they begin stays as it is."""
+    return words if words.startswith(tuple(result.parameters)) else f"{words[0].upper()}{words[1:]}"
 
 
 def _rough(result: FitData) -> list[str]:
@@ -43,6 +57,40 @@ def _rough(result: FitData) -> list[str]:
         f"(root of the sum of squares, in units of the noise), and changes them by {each.found:.3g}."
         for each in result.rough
     ]
+
+
+def _profiles(result: FitData) -> list[str]:
+    found = []
+    for each in result.profiles:
+        if each.missing:
+            found.append(
+                f"The profile of {each.name} lacks {each.missing} of its points, which failed or were not at "
+                f"their end when steps or time were up."
+            )
+        if each.deviance.min() < BETTER:
+            where = each.values[each.deviance.argmin()]
+            found.append(
+                f"The profile of {each.name} finds a better fit than this one at {where:.6g}: begin there "
+                f"(starts=)."
+            )
+    return found
+
+
+def _against_priors(result: FitData) -> list[str]:
+    found = []
+    for name, fitted in result.parameters.items():
+        if fitted.prior is None:
+            continue
+        mean, std = fitted.prior
+        logarithmic = fitted.positive and fitted.value > 0
+        away = mean * math.log(fitted.value / mean) if logarithmic else fitted.value - mean
+        if abs(away) > CONTRADICTED * std:
+            prior = f"{mean:g} ± {std:g} {fitted.unit}".rstrip()
+            found.append(
+                f"{name} ended {abs(away) / std:.1f} standard deviations away from its prior ({prior}): "
+                f"the prior, its unit or the model is wrong."
+            )
+    return found
 
 
 def _correlated(result: FitData) -> list[str]:
@@ -63,8 +111,8 @@ def _misfit(result: FitData) -> list[str]:
             if noise.ratio > MUCH:
                 found.append(
                     f"The residual of {column} in {recording} is {noise.ratio:.1f} times what its sensor's "
-                    f"noise accounts for: the model lacks something (jaxmuscle diagnose). Until it has it, "
-                    f"noise='estimated' (--estimate-noise) gives priors their due weight."
+                    f"noise accounts for: the model may lack something (jaxmuscle diagnose). Until it has "
+                    f"it, noise='estimated' (--estimate-noise) gives priors their due weight."
                 )
     coloured = [t for t in result.tests if t.against == "itself" and not t.passed]
     if coloured:

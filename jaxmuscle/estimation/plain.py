@@ -11,25 +11,28 @@ import numpy as np
 import pandas as pd
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.losses import Huber, Loss, Squares, Student
 from jaxmuscle.estimation.machines import written_machine
+from jaxmuscle.estimation.toml import NOTHING
 from jaxmuscle.recordings.card import Card
 
-RULES = {"squares": Squares, "huber": Huber, "student": Student}
+RULES: dict[str, Any] = {"squares": Squares, "huber": Huber, "student": Student}
 """Loss rules by name."""
 
 
 def plain(node: Any) -> Any:
-    """Machines, cards, loss rules, tables, arrays and data classes as plain data."""
+    """Machines, cards, loss rules, tables, arrays and data classes as plain data.
+
+    Raises:
+        InputError: a machine or a loss that a file cannot name.
+    """
     if isinstance(node, AbstractActuator):
         return plain(written_machine(node))
     if isinstance(node, Card):
         return node.to_toml()
     if isinstance(node, Loss):
-        name = next(name for name, rule in RULES.items() if isinstance(node, rule))
-        return (
-            {"name": name, **dataclasses.asdict(node)} if dataclasses.is_dataclass(node) else {"name": name}
-        )
+        return _plain_loss(node)
     if isinstance(node, pd.DataFrame):
         columns = {str(name): plain(node[name].to_numpy()) for name in node.columns}
         return {"index": plain(node.index.to_numpy()), "name": node.index.name, "columns": columns}
@@ -41,13 +44,27 @@ def plain(node: Any) -> Any:
         return plain(node.tolist())
     if isinstance(node, list | tuple):
         return [plain(value) for value in node]
+    if isinstance(node, np.generic):
+        return plain(node.item())
     if isinstance(node, float) and not math.isfinite(node):
         return {"number": repr(node)}
     return node
 
 
+def _plain_loss(loss: Loss) -> dict[str, Any]:
+    for name, rule in RULES.items():
+        if isinstance(loss, rule):
+            return {"name": name, **{key: plain(value) for key, value in vars(loss).items()}}
+    raise InputError(
+        f"a fit with the loss {type(loss).__name__} cannot be saved: only {', '.join(RULES)} have names in a "
+        f"file"
+    )
+
+
 def restored(node: Any) -> Any:
-    """The inverse of :func:`plain` for numbers that are not finite."""
+    """The inverse of :func:`plain` for numbers that are not finite, and of TOML's stand-in for `None`."""
+    if node == NOTHING:
+        return None
     if isinstance(node, dict):
         return float(node["number"]) if set(node) == {"number"} else {k: restored(v) for k, v in node.items()}
     return [restored(value) for value in node] if isinstance(node, list) else node

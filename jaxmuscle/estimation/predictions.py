@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.fitted import Noise
+from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.names import OFFSET, of_machine
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.profile import QUANTILE
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.fitting.predictions import chain_predictions
@@ -36,7 +38,7 @@ def predictions(
     ``fitted`` comes from the links, each with its measured inputs; ``predicted`` from the command alone,
     window by window. Both as the sensor shows it, offset included. ``std`` is what a reading is expected to
     deviate from ``fitted`` by: the parameters' uncertainty, that of the states where windows begin, and
-    the sensor's noise, or the size of the residuals where that is larger.
+    the sensor's noise, or the size of the residuals (of 95 % of them) where that is larger.
     """
     found = {}
     for number, station in enumerate(objective.stations):
@@ -72,13 +74,17 @@ def predictions(
 
 
 def _deviation(line: Series, sure: Covariance) -> NDArray[np.float64]:
-    """Standard deviation of the readings that count about the fitted values, in units of their weights."""
+    """Standard deviation of the readings that count about the fitted values, in units of their weights.
+
+    Its part from the readings is what 95 % of the residuals say, which outliers that a robust loss leaves
+    aside do not widen.
+    """
     # Along what the data leave open the predictions do not change.
     std = np.where(np.isfinite(sure.std), sure.std, 0.0)
     slopes = line.slopes[:, line.counts] * std[:, None]
     own = np.einsum("in,ij,jn->n", slopes, sure.correlations, slopes)
-    residual = float(np.mean(line.residual[line.counts] ** 2)) if line.counts.any() else 1.0
-    return np.sqrt(np.maximum(own, 0.0) + max(1.0, residual))
+    residual = np.quantile(np.abs(line.residual[line.counts]), 0.95) / QUANTILE if line.counts.any() else 1.0
+    return np.sqrt(np.maximum(own, 0.0) + max(1.0, float(residual)) ** 2)
 
 
 def noise_table(
@@ -99,11 +105,17 @@ def noise_table(
         found.setdefault(station.label, {})[line.column] = Noise(
             assumed=1 / largest if largest > 0 else noise_level(station.filled.columns[line.column]),
             residual=float(np.sqrt(np.mean(in_si**2))) if len(in_si) else float("nan"),
-            ratio=float(np.sqrt(np.mean(line.residual[line.counts] ** 2))) if len(in_si) else float("nan"),
+            ratio=_ratio(line.residual[line.counts], objective.loss),
             autocorrelation_time=sure.times[line.recording, line.column],
             unit=column_unit(line.column, station.actuator.units.get("command")),
         )
     return found
+
+
+def _ratio(residual: NDArray[np.float64], loss: Loss) -> float:
+    """Size of the residuals, weighted as the loss does."""
+    weight = loss.weight(residual)
+    return float(np.sqrt((weight * residual**2).sum() / weight.sum())) if len(residual) else float("nan")
 
 
 def _column(values: object, position: int, columns: int) -> NDArray[np.float64]:

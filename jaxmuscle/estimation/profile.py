@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import FAILED, Lane, Limits
+from jaxmuscle.estimation.lane import CONVERGED, STALLED, Lane, Limits
 from jaxmuscle.estimation.objective import Local
 from jaxmuscle.estimation.unknowns import Unknowns
 
@@ -21,6 +22,8 @@ STEPS_OUT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 """Where a profile is computed, in standard deviations from the estimate."""
 QUANTILE = 1.959964
 """Of the normal distribution, for intervals of 95 %."""
+ENDED = (CONVERGED, STALLED)
+"""How a point ends that tells how low the cost can be there."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +34,9 @@ class Profile:
         values: of the parameter (SI), increasing, the estimate among them.
         deviance: twice the rise of the cost over the estimate's, divided by how much more its variance is
             than that of independent residuals; chi-squared with one degree of freedom.
-        lower, upper: where it crosses 3.84 (95 %), infinite if it does not within three standard deviations.
+        lower, upper: where it crosses 3.84 (95 %); a bound that comes first; infinite if it does not cross
+            within three standard deviations.
+        missing: points out of six that failed, or for which steps or time were too few.
     """
 
     name: str
@@ -39,6 +44,13 @@ class Profile:
     deviance: NDArray[np.float64]
     lower: float
     upper: float
+    missing: int = 0
+
+    @property
+    def roots(self) -> NDArray[np.float64]:
+        """Signed roots of the deviance, negative below the estimate: nearly a straight line."""
+        below = np.arange(len(self.values)) < int(np.argmin(np.abs(self.deviance)))
+        return np.where(below, -1.0, 1.0) * np.sqrt(np.maximum(self.deviance, 0.0))
 
 
 def profiles(
@@ -51,7 +63,8 @@ def profiles(
 ) -> list[Profile]:
     """Profiles of the coordinates `chosen`, all points at once.
 
-    Each point begins where the covariance says that the others go when one is moved (a warm start).
+    Each point begins where the covariance says that the others go when one is moved (a warm start). Only
+    points that came to their end count: others would show too steep a profile. None is begun out of time.
 
     Args:
         best: coordinates and cost of the estimate.
@@ -65,11 +78,11 @@ def profiles(
     starts = np.clip(starts, limits.lower, limits.upper)
     held = np.zeros(starts.shape, dtype=bool)
     held[np.arange(len(points)), [i for i, _ in points]] = True
-    lanes = descend(evaluate, starts, limits, held)
+    lanes = descend(evaluate, starts, limits, held) if time.monotonic() < limits.deadline else []
     found = []
     for i in chosen:
-        own = [lane for lane, (j, _) in zip(lanes, points, strict=True) if j == i]
-        found.append(_profile(unknowns, u, cost, sure, i, own))
+        own = [lane for lane, (j, _) in zip(lanes, points, strict=False) if j == i]
+        found.append(_profile(unknowns, u, cost, sure, i, [lane for lane in own if lane.code in ENDED]))
     return found
 
 
@@ -83,11 +96,10 @@ def _profile(
 ) -> Profile:
     known = 0 < sure.std[i] < np.inf
     excess = (sure.std[i] / sure.assumed[i]) ** 2 if known else 1.0
-    sound = [lane for lane in lanes if lane.code != FAILED]
-    at = np.array([u[i], *(lane.u[i] for lane in sound)])
-    deviance = np.array([0.0, *(2 * (lane.cost - cost) / excess for lane in sound)])
-    order = np.argsort(at, kind="stable")
-    at, deviance = at[order], deviance[order]
+    at = np.array([u[i], *(lane.u[i] for lane in lanes)])
+    deviance = np.array([0.0, *(2 * (lane.cost - cost) / excess for lane in lanes)])
+    at, first = np.unique(at, return_index=True)  # several points are one at a bound
+    deviance = deviance[first]
     signed = np.sign(at - u[i]) * np.sqrt(np.maximum(deviance, 0.0))
     table = np.tile(u, (len(at), 1))
     table[:, i] = at
@@ -95,12 +107,17 @@ def _profile(
     ends = np.tile(u, (2, 1))
     ends[:, i] = np.nan_to_num([lower, upper], nan=u[i])
     low, high = unknowns.values(ends)[:, i]
+    entry = unknowns.entries[i]
+    # Without a crossing the interval goes on to a bound that was reached, else nobody knows how far.
+    beneath = entry.lower if at[0] <= unknowns.lower[i] else -np.inf
+    above = entry.upper if at[-1] >= unknowns.upper[i] else np.inf
     return Profile(
         unknowns.names[i],
         unknowns.values(table)[:, i],
         deviance,
-        -np.inf if np.isnan(lower) else float(low),
-        np.inf if np.isnan(upper) else float(high),
+        beneath if np.isnan(lower) else float(low),
+        above if np.isnan(upper) else float(high),
+        len(STEPS_OUT) - len(lanes),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 import jaxmuscle
+from jaxmuscle.estimation.again import fitted_start
 from jaxmuscle.estimation.cards import fitted_card
 from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.figures import plot
@@ -28,7 +29,10 @@ class FitResult(FitData):
         return notes(self)
 
     def to_card(self, recording: str | int = 0) -> Card:
-        """The card of a recording with the fitted values and their standard deviations."""
+        """The card of a recording with the fitted values and their standard deviations.
+
+        As priors these are for other recordings; fitted to the same one again, its data count twice.
+        """
         return fitted_card(self, recording)
 
     def plot(self, recording: str | int = 0) -> Figure:
@@ -36,7 +40,10 @@ class FitResult(FitData):
         return plot(self, recording)
 
     def save(self, path: str | Path) -> Path:
-        """Write everything as JSON; :func:`FitResult.load` reads it back without loss."""
+        """Write everything, as TOML if `path` ends in ``.toml``, else as JSON.
+
+        :func:`FitResult.load` reads it back without loss.
+        """
         return save(self, path)
 
     @classmethod
@@ -49,5 +56,11 @@ class FitResult(FitData):
         return load(path, cls)
 
     def refit(self, recordings: Recording | Sequence[Recording], **changes: Any) -> FitResult:
-        """Fit again from the fitted values, with the same settings except for `changes`."""
-        return jaxmuscle.fit(self.actuator, recordings, **{**self.settings, **changes})
+        """Fit again from the fitted values, with the same settings and masks except for `changes`.
+
+        `starts` and `budget` are not kept: there is one start, where this fit ended, and no limit in time.
+        """
+        settings = {**self.settings, **changes}
+        if "starts" not in changes:
+            settings["starts"] = [fitted_start(self, recordings, settings)]
+        return jaxmuscle.fit(self.actuator, recordings, **settings)

@@ -1,4 +1,4 @@
-"""A fit as a JSON file, and back without loss."""
+"""A fit as a JSON or TOML file, and back without loss."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jaxmuscle
 from jaxmuscle.errors import InputError, existing_file, file_content
@@ -20,6 +20,7 @@ from jaxmuscle.estimation.machines import machine
 from jaxmuscle.estimation.plain import arrays, pairs, plain, restored, settings, table
 from jaxmuscle.estimation.profile import Profile
 from jaxmuscle.estimation.rough import RoughWindow
+from jaxmuscle.estimation.toml import as_toml
 from jaxmuscle.estimation.whiteness import ResidualTest
 from jaxmuscle.recordings.card import Card
 
@@ -29,12 +30,15 @@ Result = TypeVar("Result", bound=FitData)
 
 
 def save(result: FitData, path: str | Path) -> Path:
-    """Write `result` as JSON. Numbers keep every bit; those that are not finite are texts.
+    """Write `result` as TOML if `path` ends in ``.toml``, else as JSON.
+
+    Numbers keep every bit; those that are not finite are texts.
 
     Raises:
         InputError: the file cannot be written, or a machine is of a rig that a file cannot name.
     """
-    file, text = Path(path), as_json(result)
+    file = Path(path)
+    text = as_toml(_content(result)) if _is_toml(file) else as_json(result)
     try:
         handle, waiting = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as opened:
@@ -47,14 +51,21 @@ def save(result: FitData, path: str | Path) -> Path:
 
 def as_json(result: FitData) -> str:
     """The content of the file: SI units throughout."""
+    return json.dumps(_content(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _is_toml(file: Path) -> bool:
+    return file.suffix.lower() == ".toml"
+
+
+def _content(result: FitData) -> dict[str, Any]:
     fields = {field.name: getattr(result, field.name) for field in dataclasses.fields(result)}
-    content = {
+    return {
         "kind": KIND,
         "format": FORMAT,
         "jaxmuscle": jaxmuscle.__version__,
         **{name: plain(value) for name, value in fields.items() if name != "actuator"},
     }
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def load(path: str | Path, kind: type[Result]) -> Result:
@@ -63,11 +74,12 @@ def load(path: str | Path, kind: type[Result]) -> Result:
     Raises:
         InputError: no such file, or it is not one.
     """
-    file = existing_file(Path(path), "saved fit", (".json",))
+    file = existing_file(Path(path), "saved fit", (".json", ".toml"))
+    text, form = file_content(file), "TOML" if _is_toml(file) else "JSON"
     try:
-        content = json.loads(file_content(file))
+        content = tomllib.loads(text.decode("utf-8")) if _is_toml(file) else json.loads(text)
     except ValueError as error:
-        raise InputError(f"{file}: cannot be read as JSON: {error}") from error
+        raise InputError(f"{file}: cannot be read as {form}: {error}") from error
     if not isinstance(content, Mapping) or content.get("kind") != KIND:
         raise InputError(f"{file}: not a fit; expected a file that FitResult.save or jaxmuscle fit wrote")
     if content["format"] != FORMAT:

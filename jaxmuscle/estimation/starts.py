@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.estimation.unknowns import Unknown, Unknowns
 
 INSIDE = 1e-3
 """Distance from a bound at which a start lies at least, in units of the scale."""
@@ -42,6 +43,9 @@ def given_starts(
 ) -> Float[NDArray, "starts k"]:
     """Starts that the user gives: name → value (SI), the unknowns' own start for what is not named.
 
+    A parameter that each recording has of its own is named as in the result, ``mass[lift-2]``, or without
+    the recording for all of them.
+
     Raises:
         InputError: an unknown name, or a value beyond its bounds.
     """
@@ -49,20 +53,36 @@ def given_starts(
         raise InputError(f"{where}: expected a number of starts or at least one mapping of values; got none")
     points = []
     for number, given in enumerate(starts):
+        here = f"{where}[{number}]"
+        if not isinstance(given, Mapping):
+            raise InputError(f"{here}: expected a mapping of names to values; got {given!r}")
         values = unknowns.start.copy()
         for name, value in given.items():
-            if name not in unknowns.names:
-                raise InputError(f"{where}[{number}]: {name!r} is not free{nearest(name, unknowns.names)}")
-            values[unknowns.names.index(name)] = value
-        u = unknowns.coordinates(values)
-        for entry, at, low, high in zip(unknowns.entries, u, unknowns.lower, unknowns.upper, strict=True):
-            if not low <= at <= high:
+            if not isinstance(value, Real):
+                raise InputError(f"{here}: expected a number (SI) for {name!r}; got {value!r}")
+            values[_positions(unknowns, name, here)] = float(value)
+        for entry, value in zip(unknowns.entries, values.tolist(), strict=True):
+            if not entry.lower <= value <= entry.upper or (entry.place.positive and value <= 0):
                 raise InputError(
-                    f"{where}[{number}]: {entry.name} = {given.get(entry.name)} is not within its bounds, "
-                    f"{entry.lower:g} to {entry.upper:g} {entry.place.unit}"
+                    f"{here}: {entry.name} = {value:g} is not within its bounds, "
+                    f"{entry.lower:g} to {entry.upper:g} {entry.place.unit}".rstrip()
                 )
-        points.append(u)
+        points.append(unknowns.coordinates(values))
     return np.stack(points)
+
+
+def _positions(unknowns: Unknowns, name: str, where: str) -> list[int]:
+    """Where a name stands in the vector: its own name, or that of a place in every recording."""
+
+    def names(entry: Unknown) -> tuple[str, ...]:
+        place = entry.place
+        return entry.name, place.name, place.path, place.path.removeprefix("effects.")
+
+    known = [names(entry) for entry in unknowns.entries]
+    found = [i for i, own in enumerate(known) if name in own]
+    if not found:
+        raise InputError(f"{where}: {name!r} is not free{nearest(name, sum(known, ()))}")
+    return found
 
 
 def _within(unknowns: Unknowns, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ import math
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.asked import Bounds
-from jaxmuscle.estimation.names import Place
+from jaxmuscle.estimation.names import Place, of_machine
 from jaxmuscle.estimation.unknowns import HALF, Unknown
 from jaxmuscle.fitting.free import Prior
 
@@ -38,5 +38,7 @@ def unknown_within(
                 f"prior of {name}: its mean, {prior.mean:g}, contradicts the bounds {within}; "
                 f"change one of them"
             )
-    scale = prior.std if prior else HALF * abs(start) or place.typical or 1.0
+    # The first reading of a state may be next to zero, and says nothing of how far the state may be from it.
+    natural = HALF * abs(start) if of_machine(place.path) else place.typical or HALF * abs(start)
+    scale = prior.std if prior else natural or place.typical or 1.0
     return Unknown(name, place, recordings, start, lower, upper, scale, prior)

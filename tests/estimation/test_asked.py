@@ -1,6 +1,7 @@
 """What a user may ask for and how it is refused: every message says what came and what to do."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.missing import LONGEST_BRIDGE, usable
 from jaxmuscle.estimation.names import places, resolve
+from jaxmuscle.estimation.starts import given_starts
 from jaxmuscle.fitting.free import Prior
 from jaxmuscle.parameters import get
 
@@ -70,12 +72,32 @@ def laid_out(recording, **asked):
         ({"noise": "guess"}, "noise: expected 'estimated' or a mapping of columns to values; got 'guess'"),
         ({"noise": {"torque": 1.0}}, "noise: unknown column 'torque'; expected one of"),
         ({"noise": {"force": -1.0}}, r"noise\['force'\]: expected a standard deviation above zero"),
-        ({"starts": 0}, "starts: expected a number from 1 on; got 0"),
+        ({"starts": 0}, "starts: expected a whole number from 1 on; got 0"),
+        ({"starts": 2.5}, "starts: expected a whole number from 1 on; got 2.5"),
+        ({"starts": {"end_factor": 1.2}}, "starts: expected a list with a mapping for each start"),
+        ({"starts": [1.2]}, r"starts\[0\]: expected a mapping of names to values; got 1.2"),
+        ({"starts": [{"end_factor": "1.2"}]}, r"starts\[0\]: expected a number \(SI\) for 'end_factor'"),
+        ({"starts": [{"end_factor": -1.2}]}, r"starts\[0\]: end_factor = -1.2 is not within its bounds"),
+        ({"free": ["end_factor", 3]}, "free: expected a list of names; got 3 among them"),
+        ({"shared": "end_factor"}, "shared: expected a list of names; got the text 'end_factor'"),
+        ({"profiles": "end_factor"}, "profiles: expected a list of names; got the text"),
+        ({"profiles": ["braid_angle"]}, "profiles: 'braid_angle' is not free; add it to free="),
+        ({"continuation": 30}, "continuation: expected a list of numbers; got 30"),
+        ({"continuation": (6, 30)}, r"expected factors that fall from wide to narrow.*got \(6, 30\)"),
+        ({"priors": [("end_factor", 1.3, 0.1)]}, "priors: expected a mapping of names"),
+        ({"bounds": [(1, 2)]}, "bounds: expected a mapping of names"),
+        ({"noise": 0.8}, "noise: expected 'estimated' or a mapping of columns to values; got 0.8"),
+        ({"noise": {"force": "1 N"}}, r"noise\['force'\]: expected a standard deviation above zero"),
+        ({"budget": -1.0}, "budget: expected a number of seconds, or None for no limit; got -1.0"),
+        ({"budget": np.nan}, "budget: expected a number of seconds"),
+        ({"budget": "3 s"}, "budget: expected a number of seconds, or None for no limit; got '3 s'"),
+        ({"steps": 0}, "steps: expected a whole number from 1 on; got 0"),
+        ({"seed": -1}, "seed: expected a whole number from 0 on; got -1"),
         ({"starts": []}, "starts: expected a number of starts or at least one mapping"),
         ({"starts": [{"mass": 1.0}]}, r"starts\[0\]: 'mass' is not free"),
         (
             {"starts": [{"end_factor": 3.0}], "bounds": {"end_factor": (1.0, 2.0)}},
-            r"starts\[0\]: end_factor = 3.0 is not within its bounds, 1 to 2",
+            r"starts\[0\]: end_factor = 3 is not within its bounds, 1 to 2",
         ),
         (
             {"masks": [None, None]},
@@ -83,7 +105,8 @@ def laid_out(recording, **asked):
         ),
         ({"masks": np.zeros(3, bool)}, "masks: expected one boolean for each of the 800 rows"),
         ({"masks": {"torque": np.zeros(800, bool)}}, "masks: recording 'pull' has no sensor 'torque'"),
-        ({"masks": np.ones(800, bool)}, "only 0 usable samples of force are left of 800"),
+        ({"masks": np.ones(800, bool)}, "recording 'pull': column 'pressure' has no usable reading"),
+        ({"masks": np.arange(800) > 30}, "only 31 usable samples of force are left of 800"),
     ],
 )
 def test_refused(recording, how, told):
@@ -101,6 +124,61 @@ def test_no_recording(actuator):
 def test_recording_of_another_rig(actuator):
     with pytest.raises(InputError, match="is of a rig 'isotonic', the actuator of a rig 'driven'"):
         jm.fit(actuator, lifted(8.0, samples=300))
+
+
+def test_no_machine_or_no_recording_at_all(recording, actuator):
+    wrong: list[Any] = ["lift.csv", ["lift.csv"], recording.columns]
+    for given in wrong:
+        with pytest.raises(InputError, match=r"recordings(\[0\])?: expected recordings as jaxmuscle.read"):
+            jm.fit(actuator, given)
+    with pytest.raises(InputError, match="actuator: expected a machine, such as .* gives; got a Card"):
+        jm.fit(recording.card, recording)
+    with pytest.raises(InputError, match="recording 'pull' has no rows; leave it out"):
+        jm.fit(actuator, recording.part(0, 0))
+
+
+def test_a_column_without_a_reading(recording):
+    nothing = {**recording.columns, "force": np.full(len(recording), np.nan)}
+    with pytest.raises(InputError, match="column 'force' has no usable reading; a fit needs all"):
+        fitted(dataclasses.replace(recording, columns=nothing))
+
+
+def test_an_offset_begins_within_its_bounds_or_at_its_prior(recording):
+    asked = {"free": ["end_factor", "offset.force"]}
+    bounded = laid_out(recording, **asked, bounds={"offset.force": (1.0, 5.0)})
+    known = laid_out(recording, **asked, priors={"offset.force": (2.0, 0.5)})
+    assert (bounded.start[1], known.start[1], laid_out(recording, **asked).start[1]) == (1.0, 2.0, 0.0)
+
+
+def test_priors_and_bounds_of_a_single_recording():
+    one, other = pulled(name="one"), pulled(name="other")
+    asked = Asked(
+        per_recording=["offset.force"],
+        priors={"offset.force": (0.0, 1.0), "offset.force[other]": (3.0, 0.5)},
+        bounds={"offset.force[one]": (-2.0, None)},
+    )
+    found = layout(jm.actuator(one.card), [one, other], ["one", "other"], asked)
+    entries = {entry.name: entry for entry in found.entries}
+    assert entries["offset.force[one]"].prior == Prior(0.0, 1.0)
+    assert entries["offset.force[other]"].prior == Prior(3.0, 0.5)
+    assert (entries["offset.force[one]"].lower, entries["offset.force[other]"].lower) == (-2.0, -np.inf)
+    shared = Asked(["offset.force"], bounds={"offset.force[one]": (-2.0, None)})
+    with pytest.raises(InputError, match=r"unknown parameter 'offset.force\[one\]'"):
+        layout(jm.actuator(one.card), [one, other], ["one", "other"], shared)
+
+
+def test_starts_by_any_name_of_a_parameter():
+    """Its path, or without the recording for all of them."""
+    one, other = pulled(name="one", threads=True), pulled(name="other", threads=True)
+    asked = Asked(per_recording=["offset.force"])
+    unknowns = layout(jm.actuator(one.card), [one, other], ["one", "other"], asked)
+    given = {"offset.force": 2.0, "muscle.end_factor": 1.2, "thread_friction.static_coefficient": 0.02}
+    found = dict(zip(unknowns.names, unknowns.values(given_starts(unknowns, [given]))[0], strict=True))
+    assert found["offset.force[one]"] == found["offset.force[other]"] == pytest.approx(2.0)
+    assert found["end_factor"] == pytest.approx(1.2)
+    assert found["effects.thread_friction.static_coefficient"] == pytest.approx(0.02)
+    with pytest.raises(InputError, match="'offset.forc' is not free; did you mean 'offset.force'"):
+        given_starts(unknowns, [{"offset.forc": 1.0}])
 
 
 def test_a_missing_command():

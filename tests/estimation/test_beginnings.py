@@ -195,3 +195,13 @@ def test_units_and_values_where_nothing_is_fitted(part):
     assert [found[n].place.meaning.split("a fit begins at ")[1] for n in names] == begins
     # Rest would be 0.
     assert found["start.opening"].start == 0.1
+
+
+def test_a_first_reading_next_to_zero_is_no_scale():
+    """A position of 2 µm at first: the state is looked for, and judged, within a hundredth of the range."""
+    machine = bench.model("isotonic")
+    columns = {"command": np.zeros(100), "pressure": np.linspace(1e5, 3e5, 100)}
+    columns |= {"position": np.linspace(2e-6, 0.05, 100)}
+    recording = jm.recording(machine, columns, 2e-3)
+    (entry,) = layout(machine, [recording], ["lift"], Asked(["start.position"])).entries
+    assert entry.start == 2e-6 and entry.scale == pytest.approx(5e-4, rel=1e-3)

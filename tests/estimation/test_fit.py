@@ -109,6 +109,19 @@ def test_noise_can_be_estimated(recording):
     assert loud.std["end_factor"] == pytest.approx(found.std["end_factor"], rel=0.05)
 
 
+def test_each_recording_has_its_own_noise():
+    """A quiet bench and a loud one: the quiet one decides, as it should."""
+    quiet, loud = pulled(1, name="quiet"), pulled(2, name="loud")
+    rough = 12 * np.random.default_rng(0).normal(size=len(loud))
+    loud = changed(loud, force=loud.columns["force"] + rough)
+    free = {"priors": {"initial_radius": None, "end_factor": None}}
+    both, alone = (fitted(r, noise="estimated", **free) for r in ([quiet, loud], quiet))
+    assert both.noise["quiet"]["force"].assumed == pytest.approx(NOISE, rel=0.1)
+    assert both.noise["loud"]["force"].assumed == pytest.approx(12, rel=0.1)
+    assert both.std["end_factor"] < 1.05 * alone.std["end_factor"]
+    assert all(within(both, name, true) for name, true in TRUE.items())
+
+
 def test_offset_of_an_imposed_sensor(recording):
     """The position's sensor shows 2 mm too much: every length that the muscle sees is 2 mm off."""
     shifted = changed(recording, position=recording.columns["position"] + 2e-3)
@@ -244,6 +257,43 @@ def test_profile_of_what_is_not_determined_is_open(recording):
     assert (curve.lower, curve.upper) == (-np.inf, np.inf)
 
 
+def test_a_profile_ends_at_a_bound(recording, result):
+    """The bound is half a standard deviation above; the interval goes up to it and no farther."""
+    bound = result.values["end_factor"] + 0.5 * result.std["end_factor"]
+    found = fitted(recording, profiles=["end_factor"], bounds={"end_factor": (None, bound)})
+    (curve,) = found.profiles
+    assert curve.upper == bound == curve.values[-1]
+    assert (np.diff(curve.values) > 0).all() and curve.missing == 0
+    assert curve.lower == pytest.approx(result.parameters["end_factor"].interval()[0], rel=1e-4)
+    np.testing.assert_array_equal(np.sign(curve.roots), [-1, -1, -1, 0, 1])
+    figure = found.plot()
+    drawn = next(a for a in figure.get_axes() if a.get_title(loc="left") == "end_factor")
+    heights = np.asarray(drawn.lines[1].get_ydata())
+    np.testing.assert_allclose(heights[[0, -1]], curve.deviance[[0, -1]], rtol=1e-9)
+
+
+def test_a_profile_without_time_or_steps_has_no_points():
+    """One that is only on its way would look too steep."""
+    for how in ({"budget": 0.0}, {"steps": 1}):
+        found = fitted(pulled(off=1.4, threads=True), profiles=["end_factor"], **how)
+        (curve,) = found.profiles
+        assert curve.missing == 6 and list(curve.values) == pytest.approx([found.values["end_factor"]])
+        assert (curve.lower, curve.upper) == (-np.inf, np.inf)
+        assert any("The profile of end_factor lacks 6 of its points" in note for note in found.notes())
+        found.plot()
+
+
+def test_a_prior_in_the_wrong_unit_is_named(recording):
+    """Millimetres for metres; the data outweigh it, and a reader has to know."""
+    how = {"priors": {"initial_radius": (7.0, 0.1), "end_factor": None}}
+    found = fitted(recording, "initial_radius", "end_factor", **how)
+    assert found.values["initial_radius"] == pytest.approx(7e-3, rel=1e-2)
+    (note,) = (n for n in found.notes() if "away from its prior" in n)
+    assert "initial_radius ended" in note and "(7 ± 0.1 m): the prior, its unit or the model is wrong" in note
+    calm = fitted(recording)
+    assert not any("away from its prior" in n for n in calm.notes())
+
+
 def test_correlations_and_covariance(result):
     table = result.correlations
     np.testing.assert_allclose(np.diag(table), 1.0)
@@ -261,6 +311,24 @@ def test_readings_lie_in_the_band(recording, result):
         assert 0.93 < (off < 1.96).mean() < 0.985
     # Where the parameters are uncertain too, the band is wider than the sensor's noise.
     assert table["force std"].min() > NOISE and table["force std"].max() < 1.2 * NOISE
+
+
+@pytest.mark.parametrize("loss", ["squares", "student"])
+def test_outliers_do_not_widen_the_band(recording, loss):
+    """Four readings in a hundred are wild: 95 % lie in the band still, and it is not as wide as the wild."""
+    rng = np.random.default_rng(4)
+    wild = rng.random(len(recording)) < 0.04
+    spoilt = changed(recording, force=recording.columns["force"] + wild * rng.normal(size=len(wild)) * 80)
+    found = fitted(spoilt, loss=loss)
+    table = found.predictions["pull"]
+    off = np.abs(table["force"] - table["force fitted"]) / table["force std"]
+    assert 0.93 < (off < 1.96).mean() < 0.975
+    if loss == "student":
+        assert float(table["force std"].to_numpy().max()) < 2 * NOISE
+        # Of the size of the residuals the sensor's noise is what counts, and the model lacks nothing.
+        noise = found.noise["pull"]["force"]
+        assert noise.ratio < 1.3 < noise.residual / NOISE
+        assert not any("the model may lack something" in note for note in found.notes())
 
 
 def test_residuals_of_the_true_model_are_white_and_independent(result):

@@ -57,14 +57,32 @@ def test_three_that_scale_together():
 
 def test_shifts_of_what_may_be_negative():
     (found,) = words([BASIS[0], BASIS[0]], ["offset", "mass"], logarithmic=[False, True])
-    assert "shift offset by" in found and "in units of their scales" in found
+    assert found.endswith("the data allow to shift offset by +0.1 of its scale, mass by -10 %") or (
+        found.endswith("the data allow to shift offset by -0.1 of its scale, mass by +10 %")
+    )
 
 
 def test_a_prior_decides_what_the_data_hardly_say():
     """The data know the parameter to 30 %; that is much without a prior, little beside one of 5 %."""
     weak = BASIS[0] / np.linalg.norm(BASIS[0]) / 0.3
     assert words([weak], ["a"]) == []
-    assert words([weak], ["a"], prior=[1 / 0.05**2]) == ["a is not determined by the data"]
+    assert words([weak], ["a"], prior=[1 / 0.05**2]) == [
+        "the prior tells more of a than the data, whose own standard deviation is 30 %"
+    ]
+    shift = words([weak], ["a"], prior=[1 / 0.05**2], logarithmic=[False])
+    assert shift[0].endswith("whose own standard deviation is 0.3 of its scale")
+
+
+def test_what_the_data_do_determine_is_not_called_undetermined():
+    """Data to a tenth of a percent beside priors that are sharper still."""
+    strong = BASIS[0] / np.linalg.norm(BASIS[0]) / 1e-3
+    weak = 1e-2 * BASIS[1] / np.linalg.norm(BASIS[1]) / 1e-3
+    slopes = [strong + weak, -strong]
+    (found,) = words(slopes, ["a", "b"], prior=[1e4, 1e4])
+    assert found.startswith("the priors tell a and b apart better than the data, to which scaling a · b")
+    assert "not determined" not in found
+    (mixed,) = words(slopes, ["a", "b"], prior=[1e4, 1e4], logarithmic=[True, False])
+    assert "to which shifting a by +10 %, b by +0.1 of its scale is one standard deviation" in mixed
 
 
 def test_weak_in_strong_company():

@@ -143,3 +143,14 @@ def test_a_column_without_a_unit():
     warm = Warm(mass=machine.mass, gain=machine.gain, effects=machine.effects)
     with pytest.raises(InputError, match="column 'warmth': expected one of command, time, pressure"):
         jm.recording(warm, {}, STEP)
+
+
+def test_what_scales_together_is_told_so_even_if_it_might_be_zero():
+    """Mass, force per volt, damping and springs: motion tells only their ratios."""
+    machine = drive()
+    found = jm.fit(
+        machine, recorded(machine), ["mass", "gain", "load_damping.coefficient", "spring.stiffness"]
+    )
+    (combination,) = found.undetermined
+    assert list(combination.exponents.values()) == pytest.approx([1.0] * 5, rel=0.01)
+    assert "the data allow to scale mass · gain · effects.load_damping.coefficient ·" in combination.words

@@ -1,5 +1,6 @@
 """A result saved, loaded, put on a card, drawn, fitted again."""
 
+import dataclasses
 import json
 import tomllib
 
@@ -11,8 +12,29 @@ from estimation.made import fitted, pulled
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.estimation import Student
+from jaxmuscle.estimation import Huber, Loss, Student
+from jaxmuscle.estimation.plain import restored
 from jaxmuscle.estimation.saved import as_json
+from jaxmuscle.estimation.toml import as_toml
+
+
+class Quartic(Loss):
+    """A loss that no file can name."""
+
+    def cost(self, r):
+        """ρ(r)."""
+        return r**4
+
+    def weight(self, r):
+        """ψ(r)/r."""
+        return 4 * r**2
+
+    def slope(self, r):
+        """ψ'(r)."""
+        return 12 * r**2
+
+
+BAD = (np.arange(800) > 200) & (np.arange(800) < 260)
 
 
 @pytest.fixture(scope="module")
@@ -35,14 +57,15 @@ def result(recordings):
         bounds={"offset.force": (None, 2.0)},
         priors={"end_factor": None},
         starts=[{}, {"end_factor": 1e200}],
+        masks=[None, {"force": BAD}],
         profiles=["thread_friction.kinetic_coefficient"],
         loss=Student(freedom=5.0),
     )
 
 
-@pytest.fixture(scope="module")
-def loaded(result, tmp_path_factory):
-    return jm.FitResult.load(result.save(tmp_path_factory.mktemp("saved") / "fit.json"))
+@pytest.fixture(scope="module", params=["fit.json", "fit.toml"])
+def loaded(result, tmp_path_factory, request):
+    return jm.FitResult.load(result.save(tmp_path_factory.mktemp("saved") / request.param))
 
 
 def test_the_result_holds_all_kinds(result):
@@ -51,7 +74,8 @@ def test_the_result_holds_all_kinds(result):
 
 
 def test_nothing_is_lost(result, loaded):
-    assert as_json(loaded) == as_json(result)
+    assert json.loads(as_json(loaded)) == json.loads(as_json(result))
+    assert list(loaded.parameters) == list(result.parameters)
     assert loaded.parameters == result.parameters
     assert loaded.starts == result.starts and loaded.noise == result.noise
     assert loaded.undetermined == result.undetermined and loaded.settings == result.settings
@@ -75,6 +99,30 @@ def test_the_file_is_strict_json(result):
     assert entry["value"] == result.values["end_factor"] and entry["unit"] == ""
 
 
+def test_the_file_is_toml(result, tmp_path):
+    content = tomllib.loads(result.save(tmp_path / "fit.toml").read_text(encoding="utf-8"))
+    assert content["parameters"]["end_factor"]["value"] == result.values["end_factor"]
+    (tmp_path / "fit.toml").write_text("kind = 'jaxmuscle fit")
+    with pytest.raises(InputError, match="fit.toml: cannot be read as TOML"):
+        jm.FitResult.load(tmp_path / "fit.toml")
+
+
+@pytest.mark.parametrize("text", ['a "b" \\ c', "line\nbreak", "µ\x7f\x01", ""])
+def test_any_text_survives_toml(text):
+    content = {"a.b": text, "list": [None, True, 1e-300, 3, {text: [text]}], "table": {text: {"deep": None}}}
+    assert restored(tomllib.loads(as_toml(content))) == content
+
+
+def test_numbers_of_numpy_and_a_loss_of_ones_own(recordings, tmp_path):
+    how = {"priors": {"end_factor": [np.float32(1.5), np.int64(1)]}, "loss": Huber(float(np.float32(2.0)))}
+    found = fitted(recordings[0], "end_factor", steps=np.int64(9), seed=np.int64(3), **how)
+    assert jm.FitResult.load(found.save(tmp_path / "fit.json")).settings == found.settings
+
+    odd = dataclasses.replace(found, settings={**found.settings, "loss": Quartic()})
+    with pytest.raises(InputError, match="with the loss Quartic cannot be saved: only squares, huber"):
+        odd.save(tmp_path / "odd.json")
+
+
 def test_fits_again_from_where_it_ended(result, loaded, recordings):
     again = loaded.refit(recordings, starts=1)
     assert again.cost == pytest.approx(result.cost, rel=1e-3)
@@ -82,6 +130,20 @@ def test_fits_again_from_where_it_ended(result, loaded, recordings):
     assert again.values["end_factor"] / again.values["initial_length"] == pytest.approx(ratio, rel=1e-4)
     assert again.parameters["offset.force[long]"].upper == 2.0
     assert again.settings["loss"] == result.settings["loss"]
+    # What was masked is masked again.
+    assert again.samples == result.samples
+
+
+def test_goes_on_from_the_values_of_each_recording(result, loaded, recordings):
+    again = loaded.refit(recordings[::-1], masks=None, steps=1)
+    (start,) = again.starts
+    assert start.start == pytest.approx({name: result.values[name] for name in start.start})
+    assert set(start.start) == set(result.values)
+    with pytest.raises(InputError, match="masks: expected a list with one mask .* for each of 1 recordings"):
+        loaded.refit(recordings[0])
+    alone = loaded.refit(recordings[0], masks=None, per_recording=[], bounds={}, steps=1)
+    assert "offset.force" not in alone.values
+    assert alone.starts[0].start["end_factor"] == pytest.approx(result.values["end_factor"])
 
 
 @pytest.mark.parametrize("recording", ["short", "long", 0, -1])

@@ -1,0 +1,33 @@
+"""A fit that goes on from where another one ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jaxmuscle.estimation import checked
+from jaxmuscle.estimation.agreement import labels
+from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.data import FitData
+from jaxmuscle.estimation.layout import layout
+
+
+def fitted_start(result: FitData, recordings: object, settings: Mapping[str, Any]) -> dict[str, float]:
+    """The fitted values of everything that is free again, a recording's own ones by its name.
+
+    Args:
+        recordings, settings: what :func:`jaxmuscle.fit` is to be called with.
+
+    Raises:
+        InputError: the arguments cannot be used.
+    """
+    given = checked.given_recordings(result.actuator, recordings)
+    asked = Asked(
+        settings["free"],
+        settings["shared"],
+        settings["per_recording"],
+        checked.by_name(settings["priors"], "priors"),
+        checked.by_name(settings["bounds"], "bounds"),
+    )
+    names = layout(result.actuator, given, labels(given), asked).names
+    return {name: value for name, value in result.values.items() if name in names}

@@ -1,0 +1,88 @@
+"""What uncertain rates, with which windows begin, do to the fitted values."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.series import Series
+from jaxmuscle.estimation.slopes import moved
+from jaxmuscle.estimation.stations import Station
+from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.fitting.residuals import BROKEN, evaluate
+
+Line = NDArray[np.float64]
+
+INSTANT = 3**-0.5
+"""Standard deviation of the instant of a reading, in samples: it is not known better than ± one sample."""
+
+
+def state_scores(objective: Objective, u: Line, lines: list[Series]) -> Float[NDArray, "sources k"]:
+    """How the score Σ J ψ changes by one standard deviation of each rate at the beginning of each window.
+
+    An error there runs through the whole window: its residuals go together, and in a few windows their own
+    size tells little of it. A rate is uncertain by the smoothing and by the instant of its reading. None
+    where the bench imposes the rates, which enter sample by sample.
+    """
+    found = []
+    for number, station in enumerate(objective.stations):
+        own = [line for line in lines if line.recording == number]
+        for change in _changes(objective, number, u):
+            found += _scores(objective, station, own, change)
+    return np.array(found).reshape(-1, len(u))
+
+
+def _changes(objective: Objective, number: int, u: Line) -> list[dict[str, Line]]:
+    """Output → change of its residuals, for each rate and each reason of its uncertainty."""
+    station, index = objective.stations[number], objective.unknowns.acting_on(number)
+    paths = [objective.unknowns.entries[i].place.path for i in index]
+    values = [jnp.asarray(x) for x in objective.unknowns.values(u)[index]]
+    machine, problem = moved(station.actuator, station.problem, paths, values)
+
+    def residuals(name: str, rates: Line) -> dict[str, Line]:
+        measured = {**problem.track.measured, name: jnp.asarray(rates)}
+        found = evaluate(machine, eqx.tree_at(lambda p: p.track.measured, problem, measured))
+        return {output: np.asarray(each) for output, each in found.items()}
+
+    found = []
+    for name in (n for n in station.actuator.derivatives if n not in station.actuator.imposed):
+        rates, spread = np.asarray(problem.track.measured[name]), np.asarray(station.spread[name])
+        later, earlier = (INSTANT * (each - rates) for each in _neighbours(problem, rates))
+        for up, down in ((spread, -spread), (later, earlier)):
+            one, other = residuals(name, rates + up), residuals(name, rates + down)
+            sound = {o: (np.abs(one[o]) < BROKEN) & (np.abs(other[o]) < BROKEN) for o in one}
+            found.append({o: np.where(sound[o], 0.5 * (one[o] - other[o]), 0.0) for o in one})
+    return found
+
+
+def _neighbours(problem: Problem, rates: Line) -> tuple[Line, Line]:
+    """The rates a sample later and a sample earlier, of the same run."""
+    begins = problem.track.begins
+    first = np.zeros(len(rates), dtype=bool) if begins is None else np.array(begins)
+    first[0] = True
+    last = np.append(first[1:], True)
+    along = (-1, *[1] * (rates.ndim - 1))
+    later = np.where(last.reshape(along), rates, np.roll(rates, -1, axis=0))
+    return later, np.where(first.reshape(along), rates, np.roll(rates, 1, axis=0))
+
+
+def _scores(
+    objective: Objective, station: Station, lines: list[Series], change: dict[str, Line]
+) -> list[Line]:
+    """Σ J ψ' times the change, over the columns and rows of each window."""
+    at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
+    scores = np.zeros((len(at), len(lines[0].slopes)))
+    for line in lines:
+        names = station.actuator.outputs[line.output]
+        shape, column = (*at.shape, len(names)), names.index(line.column)
+        counts = np.asarray(station.problem.weights[line.output]).reshape(shape)[..., column] > 0
+        along = np.zeros(len(line.counts))
+        along[at[counts]] = change[line.output].reshape(shape)[..., column][counts]
+        products = line.slopes * objective.loss.slope(line.residual) * along
+        inside = line.window >= 0
+        np.add.at(scores, line.window[inside], products[:, inside].T)
+    return [score for score in scores if score.any()]
