@@ -33,7 +33,7 @@ from jaxmuscle.estimation.lane import Limits
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Local, Objective
-from jaxmuscle.estimation.search import MOST_LANES, evenly
+from jaxmuscle.estimation.search import side_by_side
 from jaxmuscle.estimation.slopes import residual_vector
 from jaxmuscle.estimation.stations import station
 from jaxmuscle.parameters import get
@@ -93,8 +93,8 @@ def many(objective: Objective, runners: Mapping[str, Callable[[Vector], Trace]])
     The others' time is that to the common minimum, or to their end where they do not come there.
     """
     starts, unknowns = scattered(objective), objective.unknowns
-    lanes = evenly(len(starts), MOST_LANES * cores())
-    limits = Limits(unknowns.lower, unknowns.upper, 60, lanes, samples=objective.samples,
+    objective = side_by_side(objective, len(starts))
+    limits = Limits(unknowns.lower, unknowns.upper, 60, len(starts), samples=objective.samples,
                     reach=unknowns.reach)  # fmt: skip
     ended, seconds = descend(objective.at, starts, limits), {"ours": np.inf}
     for _ in range(MANY_RUNS):

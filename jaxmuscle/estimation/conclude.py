@@ -37,7 +37,7 @@ def conclude(
     """Judge the best point of a search; `wanted`: places whose profiles are to be computed."""
     objective, unknowns, u = found.objective, found.objective.unknowns, found.best.u
     progress("judging the fit")
-    lines, rough = without_rough(objective, u, series(objective, u, found.limits.lanes), found.limits.lanes)
+    lines, rough = without_rough(objective, u, series(objective, u))
     ends = at_bound(unknowns, u)
     sure = covariance(lines, unknowns, objective.loss, ends != 0, state_scores(objective, u, lines))
     idle, combinations = _identifiability(lines, unknowns, u, ends)

@@ -1,4 +1,4 @@
-"""Points divided over the cores of this machine."""
+"""Points evaluated a few at a time, on all cores of this machine."""
 
 from __future__ import annotations
 
@@ -27,16 +27,15 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def divided(
-    evaluate: Callable[[Float[NDArray, "some k"]], Arrays], points: Float[NDArray, "lanes k"]
+    evaluate: Callable[[Float[NDArray, "width k"]], Arrays], points: Float[NDArray, "lanes k"], width: int
 ) -> Arrays:
-    """`evaluate` on parts of equal length side by side, joined; the last part is filled with its last point.
+    """`evaluate` on so many points at a time, on all cores, joined.
 
-    XLA runs one program on one core; a second thread keeps the next one busy.
+    The last part is filled with its last point: all are of one shape, for which a function is compiled once
+    however many points there are. XLA runs one program on one core; other threads keep the next ones busy.
     """
-    workers = min(cores(), len(points))
-    if workers == 1:
-        return evaluate(points)
-    width = -(-len(points) // workers)
-    filled = np.concatenate([points, np.repeat(points[-1:], workers * width - len(points), axis=0)])
-    parts = list(_pool().map(evaluate, np.split(filled, workers)))
-    return tuple(np.concatenate(each)[: len(points)] for each in zip(*parts, strict=True))
+    parts = -(-len(points) // width)
+    filled = np.concatenate([points, np.repeat(points[-1:], parts * width - len(points), axis=0)])
+    pieces = np.split(filled, parts)
+    found = [evaluate(pieces[0])] if parts == 1 else list(_pool().map(evaluate, pieces))
+    return tuple(np.concatenate(each)[: len(points)] for each in zip(*found, strict=True))

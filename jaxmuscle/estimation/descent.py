@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for many starts at once, as many under way at a time as are evaluated together."""
+"""Levenberg-Marquardt for many starts at once."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def descend(
 ) -> list[Lane]:
     """Descend from every start; as soon as one lane has ended the next start takes its place.
 
-    The number of points that are evaluated at a time is always `limits.lanes`, so that `evaluate` is
-    compiled once. A step minimises the quadratic model within a radius, in which coordinates count by
-    diag(JᵀJ) (Marquardt 1963; Moré 1978); a coordinate at a bound that the gradient pushes on is left out.
+    At most `limits.lanes` are under way at a time. A step minimises the quadratic model within a radius, in
+    which coordinates count by diag(JᵀJ) (Marquardt 1963; Moré 1978); a coordinate at a bound that the
+    gradient pushes on is left out.
     """
     keep = np.zeros(starts.shape, dtype=bool) if held is None else held
     lanes = [Lane(u.copy(), h, u.copy(), trial=u.copy()) for u, h in zip(starts, keep, strict=True)]
@@ -43,8 +43,7 @@ def descend(
                     )
             break
         trials = [lane.trial for lane in active if lane.trial is not None]
-        points = np.stack(trials + [trials[-1]] * (limits.lanes - len(trials)))
-        for lane, local in zip(active, evaluate(points), strict=False):
+        for lane, local in zip(active, evaluate(np.stack(trials)), strict=True):
             advance(lane, local, limits)
         active = [lane for lane in active if lane.trial is not None]
         begun = sum(lane.local is not None or lane.code == FAILED for lane in lanes)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from jaxmuscle.estimation.objective import Objective
 
 
-def with_estimated_noise(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objective:
+def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Objective:
     """With the noise of each column of each recording as the size of its residuals at u.
 
     The root of the mean weighted square, residuals weighted as the loss does, which for squares is the
@@ -19,7 +19,7 @@ def with_estimated_noise(objective: Objective, u: NDArray[np.float64], lanes: in
     """
     stations = []
     for number, station in enumerate(objective.stations):
-        r, begin, factors = objective.residuals(number, np.stack([u] * lanes))[0][0], 0, {}
+        r, begin, factors = objective.residuals(number, u[None])[0][0], 0, {}
         for link in station.actuator.links:
             w = np.asarray(station.problem.weights[link.output])
             part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)

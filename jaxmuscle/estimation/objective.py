@@ -33,11 +33,16 @@ class Local:
 
 @dataclasses.dataclass(frozen=True)
 class Objective:
-    """The cost of the unknowns' coordinates u on several recordings."""
+    """The cost of the unknowns' coordinates u on several recordings.
+
+    Attributes:
+        width: points that are evaluated in one program; any number of them is, in parts.
+    """
 
     stations: Sequence[Station]
     unknowns: Unknowns
     loss: Loss
+    width: int = 1
 
     @cached_property
     def samples(self) -> int:
@@ -51,7 +56,7 @@ class Objective:
         gradient, matrix = np.zeros((len(points), size)), np.zeros((len(points), size, size))
         for number in range(len(self.stations)):
             index = self.unknowns.acting_on(number)
-            parts = divided(partial(self._assembled, number), points)
+            parts = divided(partial(self._assembled, number), points, self.width)
             cost, bad = cost + parts[0], bad + parts[1].astype(int)
             gradient[:, index] += parts[2]
             matrix[:, index[:, None], index] += parts[3]
@@ -84,7 +89,7 @@ class Objective:
 
         A prediction that is not a number has a residual that is not, and no slope.
         """
-        r, slopes = divided(partial(self._by_values, number), points)
+        r, slopes = divided(partial(self._by_values, number), points, self.width)
         inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number), None]
         with np.errstate(over="ignore"):
             return r, slopes * inner

@@ -28,7 +28,7 @@ def _residuals(theta, actuator, problem, paths, times):
     return residual_vector(theta, actuator, problem, paths, problem.substeps * times)
 
 
-def refined(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objective:
+def refined(objective: Objective, u: NDArray[np.float64]) -> Objective:
     r"""`objective` with the solver's error at u taken off its residuals (deferred correction).
 
     A rig's longest step keeps the solver's error below the noise of a reading, but a parameter is known far
@@ -37,20 +37,17 @@ def refined(objective: Objective, u: NDArray[np.float64], lanes: int) -> Objecti
     by a quarter of that is left as it is: where dry friction sticks and slips, a smaller step is not nearer
     to the truth sample by sample. Nothing is done where no parameter would move by more than 0.15 of its
     standard deviation.
-
-    Args:
-        lanes: points that are evaluated at a time.
     """
     if all(math.isinf(station.actuator.largest_step) for station in objective.stations):
         return objective
     changes, pull = [], np.zeros(len(u))
     for number in range(len(objective.stations)):
-        coarse, slopes = (part[0] for part in objective.residuals(number, np.stack([u] * lanes)))
+        coarse, slopes = (part[0] for part in objective.residuals(number, u[None]))
         change = RICHARDSON * _change(objective, number, u, coarse)
         weight = objective.loss.weight(np.where(np.isfinite(coarse), coarse, 0.0))
         pull[objective.unknowns.acting_on(number)] += slopes @ (weight * change)
         changes.append(change)
-    (local,) = objective.at(np.stack([u] * lanes))[:1]
+    (local,) = objective.at(u[None])[:1]
     size = np.sqrt(np.maximum(np.diag(local.matrix), 1e-300))
     scaled = local.matrix / np.outer(size, size) + 1e-10 * np.eye(len(u))
     # Both in units of the standard deviations that the parameters would have one by one.

@@ -47,7 +47,7 @@ class RoughWindow:
 
 
 def without_rough(
-    objective: Objective, u: Vector, lines: Sequence[Series], lanes: int
+    objective: Objective, u: Vector, lines: Sequence[Series]
 ) -> tuple[list[Series], tuple[RoughWindow, ...]]:
     """`lines` with no derivatives where they do not hold, and the windows and parameters where that is so.
 
@@ -67,7 +67,7 @@ def without_rough(
     while waiting := {k: v for k, v in _suspects(objective, lines, failed).items() if k not in judged}:
         key, distances = next(iter(waiting.items()))
         judged.add(key)
-        told = _tested(objective, u, lines, key, distances, lanes)
+        told = _tested(objective, u, lines, key, distances)
         if told is not None:
             failed.add(key[:2])
             lines = [_silenced(line, key) for line in lines]
@@ -108,7 +108,7 @@ def _suspects(
 
 
 def _tested(
-    objective: Objective, u: Vector, lines: Sequence[Series], key: Key, distances: Vector, lanes: int
+    objective: Objective, u: Vector, lines: Sequence[Series], key: Key, distances: Vector
 ) -> RoughWindow | None:
     """What is to be told of the window if its derivatives by one coordinate do not hold."""
     number, window, i = key
@@ -116,7 +116,7 @@ def _tested(
     points = np.tile(u, (2 * len(distances) + 1, 1))
     points[1:, i] += np.concatenate([distances, -distances])
     points = np.where(np.arange(len(u)) == i, np.clip(points, unknowns.lower, unknowns.upper), points)
-    values = _window_residuals(objective, number, points, window, lanes)
+    values = _window_residuals(objective, number, points, window)
     away = np.where(np.isfinite(values[1:]), values[1:] - values[0], 0.0)
     slope = np.sqrt(sum(float((line.slopes[i, line.window == window] ** 2).sum()) for line in own))
     # The farther of the two sides at each distance: a bound may be in the way of one.
@@ -133,13 +133,10 @@ def _tested(
 
 
 def _window_residuals(
-    objective: Objective, number: int, points: Float[NDArray, "points k"], window: int, lanes: int
+    objective: Objective, number: int, points: Float[NDArray, "points k"], window: int
 ) -> Float[NDArray, "points n"]:
-    """Residuals of all columns in one window at each point, `lanes` points at a time."""
-    missing = -len(points) % lanes
-    padded = np.concatenate([points, np.repeat(points[-1:], missing, axis=0)])
-    parts = np.split(padded, len(padded) // lanes)
-    values = np.concatenate([objective.residuals(number, part)[0] for part in parts])[: len(points)]
+    """Residuals of all columns in one window at each point."""
+    values = objective.residuals(number, points)[0]
     begin, found = 0, []
     for link in objective.stations[number].actuator.links:
         weights = objective.stations[number].problem.weights[link.output]

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.cores import cores
 from jaxmuscle.estimation.distinct import descend_distinct, ends, winner_of
 from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits
 from jaxmuscle.estimation.noise import with_estimated_noise
@@ -19,10 +18,12 @@ from jaxmuscle.estimation.refined import refined
 from jaxmuscle.estimation.spread import weighted
 from jaxmuscle.estimation.stages import stages
 
-MOST_LANES = 8
-"""Starts under way at a time on each core: with more, what a step touches no longer fits into its cache."""
+MOST_LANES = 32
+"""Starts under way at a time: the others wait, so that some have ended when the time is up."""
+WIDTH = 4
+"""Starts in one program: with more, what a step touches no longer fits into a core's cache."""
 MOST_NUMBERS = 4e7
-"""Derivatives held at a time, which bounds the number of lanes."""
+"""Derivatives in one program at most, which bounds its starts."""
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
 ROUNDS = 2
@@ -67,7 +68,7 @@ def search(task: Search) -> Found:
     Raises:
         InputError: all starts failed; the reasons are counted.
     """
-    objective, counted = task.objective, _Counter(task.tell)
+    objective, counted = side_by_side(task.objective, len(task.points)), _Counter(task.tell)
     limits = _limits(task)
     begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
     now = time.monotonic()
@@ -83,13 +84,13 @@ def search(task: Search) -> Found:
     points, failed = ends(lanes)
     lanes = descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
     winner = winner_of(lanes)
-    sharper = refined(objective, winner.u, limits.lanes) if time.monotonic() < task.deadline else objective
+    sharper = refined(objective, winner.u) if time.monotonic() < task.deadline else objective
     if sharper is not objective:
         objective, (points, failed) = sharper, ends(lanes)
         lanes = descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
         winner = winner_of(lanes)
     for _ in range(ROUNDS if task.estimate else 0):
-        objective = with_estimated_noise(objective, winner.u, limits.lanes)
+        objective = with_estimated_noise(objective, winner.u)
         points, failed = ends(lanes)
         if time.monotonic() > task.deadline:
             winner.code = BUDGET
@@ -113,17 +114,16 @@ class _Counter:
         return count
 
 
-def evenly(points: int, most: int) -> int:
-    """Points at a time so that rounds of at most so many are alike."""
-    rounds = -(-points // most)
-    return -(-points // rounds)
+def side_by_side(objective: Objective, points: int) -> Objective:
+    """The objective with as many points in one program as are best."""
+    numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
+    width = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, min(points, WIDTH)))
+    return dataclasses.replace(objective, width=width)
 
 
 def _limits(task: Search) -> Limits:
     objective = task.objective
-    numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
-    most = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, MOST_LANES * cores()))
-    lanes = evenly(len(task.points), most)
+    lanes = min(len(task.points), MOST_LANES)
     lower, upper = objective.unknowns.lower, objective.unknowns.upper
     reach = objective.unknowns.reach
     return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples, reach)

@@ -32,11 +32,11 @@ class Series:
     window: Int[NDArray[np.int64], " rows"]
 
 
-def series(objective: Objective, u: NDArray[np.float64], lanes: int) -> list[Series]:
-    """All residuals of all recordings at coordinates u; `lanes`: points that are evaluated at a time."""
+def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
+    """All residuals of all recordings at coordinates u."""
     found = []
     for number, station in enumerate(objective.stations):
-        residual, slopes = (part[0] for part in objective.residuals(number, np.stack([u] * lanes)))
+        residual, slopes = (part[0] for part in objective.residuals(number, u[None]))
         index, begin, rows = objective.unknowns.acting_on(number), 0, len(station.recording)
         at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
         for link in station.actuator.links:

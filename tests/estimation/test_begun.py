@@ -28,7 +28,7 @@ def begun(horizon, seed=0):
     )
     objective = prepared(machine, [recording], Asked(FREE), None, None, Squares())
     u = objective.unknowns.coordinates(objective.unknowns.start)
-    return objective, u, series(objective, u, 1)
+    return objective, u, series(objective, u)
 
 
 def shifted(objective, by):
@@ -58,7 +58,7 @@ def test_what_is_imposed_begins_no_window():
     machine = jm.actuator(recording.card)
     objective = prepared(machine, [recording], Asked(["end_factor"]), None, None, Squares())
     u = objective.unknowns.coordinates(objective.unknowns.start)
-    assert state_scores(objective, u, series(objective, u, 1)).shape == (0, 1)
+    assert state_scores(objective, u, series(objective, u)).shape == (0, 1)
     found = fitted(recording).parameters["end_factor"]
     assert found.states == pytest.approx(found.independent)
 

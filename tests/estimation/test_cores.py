@@ -1,17 +1,16 @@
-"""Points divided over cores come back as they were."""
+"""Points evaluated a few at a time, on all cores, come back as they were."""
 
 import threading
 
 import numpy as np
 import pytest
 
-from jaxmuscle.estimation import cores
+from jaxmuscle.estimation.cores import divided
 
 
 @pytest.mark.parametrize("points", [1, 2, 5, 8])
-@pytest.mark.parametrize("workers", [1, 2, 3])
-def test_as_without_dividing(monkeypatch, points, workers):
-    monkeypatch.setattr(cores, "cores", lambda: workers)
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_as_without_dividing(points, width):
     shapes = []
 
     def evaluate(some):
@@ -19,20 +18,18 @@ def test_as_without_dividing(monkeypatch, points, workers):
         return some.sum(axis=1), some**2
 
     table = np.arange(points * 3.0).reshape(points, 3)
-    total, squares = cores.divided(evaluate, table)
+    total, squares = divided(evaluate, table, width)
     np.testing.assert_array_equal(total, table.sum(axis=1))
     np.testing.assert_array_equal(squares, table**2)
     # One shape: a compiled function is compiled once.
-    assert len(set(shapes)) == 1 and len(shapes) == min(workers, points)
+    assert set(shapes) == {(width, 3)} and len(shapes) == -(-points // width)
 
 
-def test_an_error_in_a_part_is_not_lost(monkeypatch):
-    monkeypatch.setattr(cores, "cores", lambda: 2)
-
+def test_an_error_in_a_part_is_not_lost():
     def evaluate(some):
         if threading.current_thread() is not threading.main_thread() and some[0, 0] > 0:
             raise ValueError("no")
         return (some,)
 
     with pytest.raises(ValueError, match="no"):
-        cores.divided(evaluate, np.array([[0.0], [1.0]]))
+        divided(evaluate, np.array([[0.0], [1.0]]), 1)

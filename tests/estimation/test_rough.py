@@ -91,7 +91,7 @@ def judged(odd):
     r, slopes = residuals(TRUE, odd)
     every = np.ones(len(r), bool)
     line = Series(0, "y", "y", every, r, slopes, np.repeat(np.arange(WINDOWS), LENGTH))
-    lines, rough = without_rough(objective(odd), TRUE, [line], 4)
+    lines, rough = without_rough(objective(odd), TRUE, [line])
     return covariance(lines, unknowns(count=2), Squares(), np.zeros(2, bool)), rough, covariance(
         [line], unknowns(count=2), Squares(), np.zeros(2, bool)
     )  # fmt: skip
@@ -150,5 +150,5 @@ def test_what_the_others_do_not_know_stays():
     line = Series(0, "y", "y", np.ones(60, bool), np.zeros(60),
                   np.stack([np.ones(60), np.where(np.arange(60) < 30, 50.0, 0.0)]),
                   np.repeat([0, 1], 30))  # fmt: skip
-    lines, rough = without_rough(objective(alone), TRUE, [line], 1)
+    lines, rough = without_rough(objective(alone), TRUE, [line])
     assert rough == () and lines[0].slopes[1].any()
