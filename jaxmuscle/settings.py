@@ -14,11 +14,12 @@ TESTED = ("0.10.",)
 SMALL = "xla_cpu_small_while_loop_byte_threshold"
 APART = "xla_multiheap_size_constraint_per_heap"
 LOG = "TF_CPP_MIN_LOG_LEVEL"
-WHOLE = {"--xla_backend_extra_options": f"{SMALL}=1000000", f"--{APART}": "0"}
+WHOLE = {"--xla_backend_extra_options": f"{SMALL}=120000", f"--{APART}": "0"}
 r"""On a CPU, XLA compiles a loop whose step touches less than this many bytes into one function (else 1 kB).
 
 Any larger loop it runs kernel by kernel, which is most of the time of a single run, of its derivatives, and
-of a batch that fits into a core's cache.
+of a batch that fits into a core's cache. Beyond, kernels are vectors long enough, and compiled as `COMPACT`
+a whole loop would be slower than they are.
 
 XLA tells LLVM which of its buffers never overlap. In functions as large as these LLVM (23.0git, in jaxlib
 0.10.2) draws too much from that: of two buffers that lie in the same place, one after the other, it reorders
