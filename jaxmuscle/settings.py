@@ -14,6 +14,10 @@ TESTED = ("0.10.",)
 SMALL = "xla_cpu_small_while_loop_byte_threshold"
 APART = "xla_multiheap_size_constraint_per_heap"
 LOG = "TF_CPP_MIN_LOG_LEVEL"
+QUIET = ("2", "3")
+"""Its values without warnings; with anything that is not a number XLA tells all."""
+QUIET_LEVELS = ("ERROR", "CRITICAL", "FATAL")
+"""Levels of JAX's log, which moves XLA's with it, without warnings."""
 WHOLE = {"--xla_backend_extra_options": f"{SMALL}=120000", f"--{APART}": "0"}
 r"""On a CPU, XLA compiles a loop whose step touches less than this many bytes into one function (else 1 kB).
 
@@ -75,12 +79,15 @@ def _accelerated() -> bool:
 
 def _silenced(environment: MutableMapping[str, str], jax: Any) -> bool:
     """Turn XLA's warnings off, errors stay on; whether they are off now: not where the user wants them."""
+    level = environment.get("JAX_LOGGING_LEVEL") if jax is None else jax.config.jax_logging_level
+    if level not in (None, "", "NOTSET"):
+        return level in QUIET_LEVELS
     if jax is None:
-        return int(environment.setdefault(LOG, "2")) >= 2
+        return environment.setdefault(LOG, "2") in QUIET
     # JAX itself sets 1 when it is imported, too early for the variable to have an effect now.
-    level = jax.config.jax_logging_level
-    if environment.get(LOG, "1") == "0" or level not in (None, "NOTSET"):
-        return int(environment.get(LOG, "1")) >= 2
+    given = environment.get(LOG, "1")
+    if given != "1":
+        return given in QUIET
     # The level of XLA's own log stays where it is put; that of Python's goes back.
     jax.config.update("jax_logging_level", "ERROR")
     jax.config.update("jax_logging_level", level)

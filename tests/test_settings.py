@@ -64,9 +64,26 @@ def test_careful_where_warnings_are_wanted_or_there_is_an_accelerator(monkeypatc
 
 
 @pytest.mark.parametrize(
+    ("variable", "value", "options"),
+    [
+        (LOG, "", CAREFUL), (LOG, "ERROR", CAREFUL), (LOG, "1", CAREFUL), (LOG, "3", WHOLE),
+        ("JAX_LOGGING_LEVEL", "DEBUG", CAREFUL), ("JAX_LOGGING_LEVEL", "ERROR", WHOLE),
+    ],
+)  # fmt: skip
+def test_a_level_of_the_user_stays(variable, value, options):
+    """Whatever it is: a word where XLA expects a number does not end the program."""
+    flags = {variable: value}
+    prepare(flags, {})
+    assert flags["XLA_FLAGS"].split() == written(options) and flags[variable] == value
+
+
+@pytest.mark.parametrize(
     ("level", "given", "options"),
-    [("NOTSET", "1", WHOLE), (None, "1", WHOLE), ("DEBUG", "1", CAREFUL), ("NOTSET", "0", CAREFUL)],
-)
+    [
+        ("NOTSET", "1", WHOLE), (None, "1", WHOLE), ("DEBUG", "1", CAREFUL), ("NOTSET", "0", CAREFUL),
+        ("NOTSET", "2", WHOLE), ("CRITICAL", "1", WHOLE), ("NOTSET", "loud", CAREFUL),
+    ],
+)  # fmt: skip
 def test_warnings_of_a_jax_that_is_there_already(level, given, options):
     """Its own level is put back; one that the user has set is not touched."""
     updates = []
@@ -74,7 +91,8 @@ def test_warnings_of_a_jax_that_is_there_already(level, given, options):
     flags = {LOG: given}
     prepare(flags, {"jax": SimpleNamespace(config=config)})
     assert flags["XLA_FLAGS"].split() == written(options)
-    told = [("jax_logging_level", "ERROR"), ("jax_logging_level", level)] if options is WHOLE else []
+    ours = given == "1" and level in (None, "NOTSET")
+    told = [("jax_logging_level", "ERROR"), ("jax_logging_level", level)] if ours else []
     assert updates == [("jax_enable_x64", True), *told]
 
 
