@@ -28,7 +28,7 @@ def coverage(case: Case, repeats: int) -> dict[str, Any]:
     """Part of the intervals that hold the truth; one compilation serves all repeats."""
     true, begin = case.truth(), time.perf_counter()
     hits: dict[str, list[bool]] = {name: [] for name in true}
-    for number in range(repeats):
+    for number in range(repeats * case.draws):
         recording = case.recording(FIRST_SEED + number)
         result = jm.fit(case.machine, recording, case.free, masks=case.masks, starts=case.starts)
         for name, value in true.items():
@@ -36,11 +36,14 @@ def coverage(case: Case, repeats: int) -> dict[str, Any]:
             hits[name].append(low <= value <= high)
     each = {name: float(np.mean(values)) for name, values in hits.items()}
     ours = float(np.mean(list(each.values())))
+    # Intervals of one recording hit or miss together.
+    chance = np.std(np.mean(list(hits.values()), axis=0)) / np.sqrt(repeats * case.draws)
     row = {
         "figure": f"{case.rig}: part of the 95 % intervals that hold the truth",
         "goal": f"{LEAST} to {MOST}",
         "ours": ours,
-        "of": repeats * len(true),
+        "of": repeats * case.draws * len(true),
+        "by_chance": float(chance),
         "each": each,
         "ok": LEAST <= ours <= MOST,
         "seconds": time.perf_counter() - begin,

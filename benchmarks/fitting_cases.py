@@ -42,6 +42,7 @@ class Case:
         free: what is fitted; the truth is what `machine` has.
         effects: those that the oracle has and the model declares.
         starts: of a fit for the coverage; dry friction that sticks and slips makes the cost rugged.
+        draws: of the noise in a repeat of the coverage, more where a fit is quick: less is then chance.
         other: quantities whose true values are others than on the card of the tests.
         masked: column → spans of time [s] whose readings do not count.
     """
@@ -53,6 +54,7 @@ class Case:
     effects: dict[str, dict[str, float]] = dataclasses.field(default_factory=dict)
     horizon: float | None = None
     starts: int = 1
+    draws: int = 1
     other: dict[str, float] = dataclasses.field(default_factory=dict)
     masked: dict[str, tuple[tuple[float, float], ...]] = dataclasses.field(default_factory=dict)
 
@@ -171,6 +173,7 @@ CASES = {
             {"force": 0.8},
             ("initial_radius", "end_factor", *(f"thread_friction.{name}" for name in bench.THREADS)),
             THREADS,
+            draws=10,
         ),
         Case(
             "isotonic",
