@@ -25,9 +25,9 @@ from fitting_cases import CASES
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from jaxmuscle.cores import cores
 from jaxmuscle.estimation.arguments import prepared
 from jaxmuscle.estimation.asked import Asked
-from jaxmuscle.estimation.cores import cores
 from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import Limits
 from jaxmuscle.estimation.layout import layout

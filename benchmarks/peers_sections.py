@@ -17,7 +17,9 @@ import peers_scipy
 from peers_model import COMMAND, KNOTS, VALUES, deviation
 from peers_settings import Peers, best
 
-CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+from jaxmuscle.cores import cores
+
+CORES = cores()
 COMPILE = {"run": 3.0, "jacobian": 5.0, "reverse": 8.0}
 """Goals for a cold compilation [s]."""
 CVODES_RUNS = 64

@@ -7,7 +7,7 @@ from typing import Any
 
 from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.agreement import labels
-from jaxmuscle.estimation.asked import Asked
+from jaxmuscle.estimation.arguments import asked_for
 from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.layout import layout
 
@@ -22,12 +22,6 @@ def fitted_start(result: FitData, recordings: object, settings: Mapping[str, Any
         InputError: the arguments cannot be used.
     """
     given = checked.given_recordings(result.actuator, recordings)
-    asked = Asked(
-        settings["free"],
-        settings["shared"],
-        settings["per_recording"],
-        checked.by_name(settings["priors"], "priors"),
-        checked.by_name(settings["bounds"], "bounds"),
-    )
+    asked = asked_for(*(settings[name] for name in ("free", "shared", "per_recording", "priors", "bounds")))
     names = layout(result.actuator, given, labels(given), asked).names
     return {name: value for name, value in result.values.items() if name in names}

@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Container, Mapping, Sequence
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
 from jaxmuscle.estimation.asked import Asked
-from jaxmuscle.estimation.checked import factors, whole
 from jaxmuscle.estimation.layout import known_places, layout
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing import Mask
@@ -28,6 +29,31 @@ from jaxmuscle.recordings.recording import Recording
 ESTIMATED = "estimated"
 Masks = Mask | Sequence[Mask | None] | None
 NoiseLike = str | Mapping[str, float] | None
+
+
+def asked_for(
+    free: Any,
+    shared: Any,
+    per_recording: Any,
+    priors: Any,
+    bounds: Any,
+    profiles: Any = (),
+    continuation: Any = (),
+) -> Asked:
+    """What is asked for, each argument of the right kind.
+
+    Raises:
+        InputError: one is not.
+    """
+    return Asked(
+        None if free is None else checked.names(free, "free"),
+        checked.names(shared, "shared"),
+        checked.names(per_recording, "per_recording"),
+        checked.by_name(priors, "priors"),
+        checked.by_name(bounds, "bounds"),
+        checked.names(profiles, "profiles"),
+        _widths(continuation),
+    )
 
 
 def prepared(
@@ -72,9 +98,9 @@ def profiled(
     return found
 
 
-def widths(continuation: Sequence[float]) -> tuple[float, ...]:
-    """The factors of a continuation, checked: above 1 and falling."""
-    found = factors(continuation, "continuation")
+def _widths(continuation: Any) -> tuple[float, ...]:
+    """The factors of a continuation: above 1 and falling."""
+    found = checked.factors(continuation, "continuation")
     if any(not a > b for a, b in itertools.pairwise((*found, 1.0))):
         raise InputError(
             f"continuation: expected factors that fall from wide to narrow, above 1, such as (30, 6); "
@@ -91,7 +117,7 @@ def begun_at(
         return given_starts(unknowns, starts)
     if isinstance(starts, Mapping):
         raise InputError(f"starts: expected a list with a mapping for each start; got only {starts!r}")
-    return spread_starts(unknowns, whole(starts, "starts", 1), seed)
+    return spread_starts(unknowns, checked.whole(starts, "starts", 1), seed)
 
 
 def _checked(actuator: AbstractActuator, noise: Mapping[str, float]) -> dict[str, float]:

@@ -10,12 +10,12 @@ from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.arguments import (
     ESTIMATED,
     Masks,
+    asked_for,
     begun_at,
     prepared,
     profiled,
-    widths,
 )
-from jaxmuscle.estimation.asked import Asked, Bounds, PriorLike
+from jaxmuscle.estimation.asked import Bounds, PriorLike
 from jaxmuscle.estimation.conclude import conclude
 from jaxmuscle.estimation.kept import as_settings
 from jaxmuscle.estimation.lane import Course
@@ -102,15 +102,7 @@ def fit(
     given = checked.given_recordings(actuator, recordings)
     steps, seed = checked.whole(steps, "steps", 1), checked.whole(seed, "seed", 0)
     deadline = begin + checked.seconds(budget, "budget")
-    asked = Asked(
-        None if free is None else checked.names(free, "free"),
-        checked.names(shared, "shared"),
-        checked.names(per_recording, "per_recording"),
-        checked.by_name(priors, "priors"),
-        checked.by_name(bounds, "bounds"),
-        checked.names(profiles, "profiles"),
-        widths(continuation),
-    )
+    asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
     rule = loss_named(loss)
     objective = prepared(actuator, given, asked, masks, noise, rule)
     points = begun_at(objective.unknowns, starts, seed)

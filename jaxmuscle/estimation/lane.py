@@ -16,8 +16,6 @@ CONVERGED, STALLED, STEPS, BUDGET, FAILED = "converged", "stalled", "steps", "bu
 """How a descent ended: at a minimum; where no step lowers the cost; out of steps; out of time; nowhere."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
-FIRST_DAMPING = 1e-2
-"""Damping of the first step, relative to the diagonal of the Gauss-Newton matrix: it sets the radius."""
 
 
 @dataclasses.dataclass(eq=False)
@@ -68,8 +66,7 @@ class Course:
 class Limits:
     """Bounds of the coordinates, steps of a lane, lanes at a time, and when to stop (`time.monotonic`).
 
-    `reach`: how far a coordinate may go in one step, relative to the longest step of a logarithm; `damping`:
-    of the first step.
+    `reach`: how far a coordinate may go in one step, relative to the longest step of a logarithm.
     """
 
     lower: Vector
@@ -79,7 +76,6 @@ class Limits:
     deadline: float = np.inf
     samples: int = 1
     reach: Vector | float = 1.0
-    damping: float = FIRST_DAMPING
 
     @property
     def longest(self) -> Vector:

@@ -15,6 +15,8 @@ from jaxmuscle.estimation.quadratic import Quadratic
 
 Vector = NDArray[np.float64]
 
+FIRST_DAMPING = 1e-2
+"""Damping of the first step, relative to the diagonal of the Gauss-Newton matrix: it sets the radius."""
 NEAR = 1e-3
 """Expected fall of the cost, per mean square residual, at a minimum: 0.05 standard deviations away."""
 EXACT = 1e-6
@@ -95,7 +97,7 @@ def _propose(lane: Lane, limits: Limits) -> None:
         _end(lane, CONVERGED)
         return
     first = lane.radius == np.inf
-    best = model.damped(limits.damping) if first else model.within(lane.radius)
+    best = model.damped(FIRST_DAMPING) if first else model.within(lane.radius)
     step = np.zeros_like(g)
     step[free] = np.clip(best, -limits.longest[free], limits.longest[free])
     lane.trial = np.clip(lane.u + step, limits.lower, limits.upper)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.cores import Arrays, divided
+from jaxmuscle.estimation.divided import Arrays, divided
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.slopes import values_and_slopes
 from jaxmuscle.estimation.stations import Station

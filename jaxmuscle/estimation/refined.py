@@ -8,6 +8,7 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.estimation.objective import Objective
@@ -28,7 +29,7 @@ def _residuals(theta, actuator, problem, paths, times):
     return residual_vector(theta, actuator, problem, paths, problem.substeps * times)
 
 
-def refined(objective: Objective, u: NDArray[np.float64]) -> Objective:
+def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[NDArray, "k k"]) -> Objective:
     r"""`objective` with the solver's error at u taken off its residuals (deferred correction).
 
     A rig's longest step keeps the solver's error below the noise of a reading, but a parameter is known far
@@ -37,6 +38,9 @@ def refined(objective: Objective, u: NDArray[np.float64]) -> Objective:
     by a quarter of that is left as it is: where dry friction sticks and slips, a smaller step is not nearer
     to the truth sample by sample. Nothing is done where no parameter would move by more than 0.15 of its
     standard deviation.
+
+    Args:
+        matrix: of Gauss and Newton at u.
     """
     if all(math.isinf(station.actuator.largest_step) for station in objective.stations):
         return objective
@@ -47,9 +51,8 @@ def refined(objective: Objective, u: NDArray[np.float64]) -> Objective:
         weight = objective.loss.weight(np.where(np.isfinite(coarse), coarse, 0.0))
         pull[objective.unknowns.acting_on(number)] += slopes @ (weight * change)
         changes.append(change)
-    (local,) = objective.at(u[None])[:1]
-    size = np.sqrt(np.maximum(np.diag(local.matrix), 1e-300))
-    scaled = local.matrix / np.outer(size, size) + 1e-10 * np.eye(len(u))
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size) + 1e-10 * np.eye(len(u))
     # Both in units of the standard deviations that the parameters would have one by one.
     inverse = np.linalg.inv(scaled)
     shift = inverse @ (pull / size) / np.sqrt(np.maximum(np.diag(inverse), 1e-300))

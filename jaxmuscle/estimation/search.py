@@ -84,7 +84,7 @@ def search(task: Search) -> Found:
     points, failed = ends(lanes)
     lanes = descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
     winner = winner_of(lanes)
-    sharper = refined(objective, winner.u) if time.monotonic() < task.deadline else objective
+    sharper = _sharper(objective, winner, task)
     if sharper is not objective:
         objective, (points, failed) = sharper, ends(lanes)
         lanes = descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
@@ -98,6 +98,13 @@ def search(task: Search) -> Found:
         lanes = descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
         winner = winner_of(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:
+    """The objective with the solver's error taken off, if there is time left."""
+    if winner.local is None or time.monotonic() >= task.deadline:
+        return objective
+    return refined(objective, winner.u, winner.local.matrix)
 
 
 class _Counter:

@@ -7,10 +7,10 @@ work all the time and took the same.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
+from jaxmuscle.cores import cores
 from jaxmuscle.sweeps.job import Job, default_devices
 from jaxmuscle.sweeps.sinks import Sink
 
@@ -36,4 +36,4 @@ def _useful_threads() -> int:
     """One a core; two for GPUs, so that one block is written while the next one is computed."""
     if default_devices()[0].platform != "cpu":
         return 2
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores()

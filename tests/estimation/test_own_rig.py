@@ -53,7 +53,7 @@ def test_the_error_of_the_solver_is_taken_off(result, monkeypatch):
     start = drive(5.0, (50.0, 5.0), 5.0)
     fine = Fine(mass=start.mass, gain=start.gain, effects=start.effects)
     exact = jm.fit(fine, recorded(fine), FREE).parameters
-    monkeypatch.setattr(search, "refined", lambda objective, u: objective)
+    monkeypatch.setattr(search, "refined", lambda objective, u, matrix: objective)
     plain = jm.fit(start, recorded(start), FREE)
 
     def off(found):

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from jaxmuscle.estimation.cores import divided
+from jaxmuscle.estimation.divided import divided
 
 
 @pytest.mark.parametrize("points", [1, 2, 5, 8])
