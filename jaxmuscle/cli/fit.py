@@ -88,14 +88,14 @@ def fit(
 
 
 def _print_fit(result: FitResult, files: list[Path]) -> None:
-    from jaxmuscle.report.fit_files import residual_rows, rows
+    from jaxmuscle.estimation.summary import RESIDUALS, VALUES, residual_rows, rows
 
     console = output()
-    table = Table("parameter", "value", "95 % interval", "prior", box=None, pad_edge=False)
+    table = Table(*VALUES, box=None, pad_edge=False)
     for row in rows(result):
         table.add_row(*row)
     console.print(table)
-    table = Table("recording", "column", "residual", "sensor noise", box=None, pad_edge=False)
+    table = Table(*RESIDUALS, box=None, pad_edge=False)
     for row in residual_rows(result):
         table.add_row(*row)
     typer.echo()

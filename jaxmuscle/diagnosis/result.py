@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.formatting import aligned, estimate, quantity
 from jaxmuscle.recordings.recording import Recording
 
 Series = NDArray[np.float64]
@@ -154,6 +155,17 @@ class Diagnosis:
     converged: bool
     seconds: float
     settings: dict[str, Any]
+
+    def __repr__(self) -> str:
+        """What `print` and a notebook show: verdict, effects with their parameters, errors on unseen data."""
+        found = [f"{self.recording.name}: {self.verdict}"]
+        for effect in self.effects:
+            values = (f"{name} {estimate(e.value, e.std, e.unit)}" for name, e in effect.parameters.items())
+            found.append(f"{effect.name}: {', '.join(values)}")
+        before, after = self.before["held_out"], self.after["held_out"]
+        sizes = {name: (before[name].rmse, e.rmse, self.noise[name]) for name, e in after.items()}
+        rows = [(name, *(quantity(x, after[name].unit) for x in each)) for name, each in sizes.items()]
+        return "\n".join([*found, aligned(("error on unseen data", "before", "after", "sensor noise"), rows)])
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:

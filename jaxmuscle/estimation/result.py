@@ -16,6 +16,7 @@ from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.figures import plot
 from jaxmuscle.estimation.notes import notes
 from jaxmuscle.estimation.saved import load, save
+from jaxmuscle.estimation.summary import summary
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
 
@@ -23,6 +24,10 @@ from jaxmuscle.recordings.recording import Recording
 @dataclasses.dataclass(frozen=True)
 class FitResult(FitData):
     """The outcome of :func:`jaxmuscle.fit`; its numbers are those of :class:`FitData`."""
+
+    def __repr__(self) -> str:
+        """What `print(fit)` and a notebook show: values, residuals, notes."""
+        return summary(self)
 
     def notes(self) -> list[str]:
         """What a reader has to know, one sentence each: how it ended, what is not determined, doubts."""

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxmuscle.diagnosis.result import Diagnosis, Reveal, Round, Series
-from jaxmuscle.report.numbers import percent, printed_unit
+from jaxmuscle.formatting import percent, printed_unit
 from jaxmuscle.report.style import AFTER, BEFORE, INK, MUTED, figure
 from jaxmuscle.report.words import words
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.report import numbers, tables, words
+from jaxmuscle.report import tables, words
 from jaxmuscle.report.evidence_figures import (
     correlation_figure,
     ranking_figure,
@@ -43,7 +44,7 @@ def page(diagnosis: Diagnosis) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(words=words.words, capital=words.capital, percent=numbers.percent)
+    environment.filters.update(words=words.words, capital=words.capital, percent=formatting.percent)
     return environment.get_template("page.html.j2").render(**_content(diagnosis))
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
-from jaxmuscle.report import numbers
 from jaxmuscle.report.shown import shown_column
 from jaxmuscle.report.words import capital, listed, words
 
@@ -43,7 +43,7 @@ def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:
     estimate = effect.parameters.get(model.strength)
     if estimate is None:
         return words(effect.name)
-    value = numbers.estimate(estimate.value, estimate.std, estimate.unit)
+    value = formatting.estimate(estimate.value, estimate.std, estimate.unit)
     plain = len(effect.parameters) == 1 and estimate.unit
     return (
         f"{words(effect.name)}, {value}"
@@ -61,14 +61,14 @@ def _found(diagnosis: Diagnosis) -> str:
     verb = "fell" if after.rmse < NO_BETTER * before.rmse else "did not fall: it went"
     change = f"{verb} from {shown.error(before.rmse)} to {shown.error(after.rmse)}"
     if after.in_noise > FAR:
-        change += f", still {numbers.rounded(after.in_noise)} times the sensor noise,"
+        change += f", still {formatting.rounded(after.in_noise)} times the sensor noise,"
     return f"{capital(words(column))} error on unseen data {change} after adding {_added(diagnosis)}{doubt}."
 
 
 def _complete(diagnosis: Diagnosis) -> str:
     errors = diagnosis.after["held_out"]
     parts = [f"{words(c)} {shown_column(diagnosis, c).error(error.rmse)}" for c, error in errors.items()]
-    worst = numbers.rounded(max(error.in_noise for error in errors.values()))
+    worst = formatting.rounded(max(error.in_noise for error in errors.values()))
     ability = f"predicts unseen data to {worst} times the sensor noise ({', '.join(parts)})"
     return f"Nothing is missing: the declared model {ability}."
 
@@ -96,4 +96,4 @@ def _added(diagnosis: Diagnosis) -> str:
 
 def _off(diagnosis: Diagnosis, column: str, error: Error) -> str:
     size = shown_column(diagnosis, column).error(error.rmse)
-    return f"{size} ({numbers.rounded(error.in_noise)} times the sensor noise)"
+    return f"{size} ({formatting.rounded(error.in_noise)} times the sensor noise)"

@@ -8,11 +8,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.quantity import Quantity
 from jaxmuscle.recordings.units import from_si, scale
-from jaxmuscle.report import numbers
 
 EFFECTS = "effects."
 """Prefix of the name of a parameter that belongs to an effect."""
@@ -33,7 +33,7 @@ class ShownColumn:
 
     def error(self, si: float) -> str:
         """An error or a deviation with its unit."""
-        return numbers.join(numbers.rounded(si / self.size), self.unit)
+        return formatting.join(formatting.rounded(si / self.size), self.unit)
 
 
 def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
@@ -41,7 +41,7 @@ def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
     card, si = diagnosis.recording.card, diagnosis.units[column]
     spec = card.columns[column]
     shift = card.ambient_pressure if spec.reference == "gauge" else 0.0
-    return ShownColumn(column, numbers.pretty(spec.unit), scale(spec.unit, si), shift)
+    return ShownColumn(column, formatting.pretty(spec.unit), scale(spec.unit, si), shift)
 
 
 def split_name(name: str) -> tuple[str | None, str]:
@@ -62,10 +62,10 @@ def shown_estimate(card: Card, name: str, estimate: Estimate) -> str:
     """A fitted parameter in the unit in which the card gives it, or in one of the right size."""
     entry = card_entry(card, name)
     if entry is None or not entry.unit:
-        return numbers.estimate(estimate.value, estimate.std, estimate.unit)
+        return formatting.estimate(estimate.value, estimate.std, estimate.unit)
     value, name_of_unit = _in_card_unit(card, entry, estimate.value, estimate.unit)
     std = estimate.std / scale(entry.unit, estimate.unit)
-    return numbers.join(numbers.uncertain(value, std), name_of_unit)
+    return formatting.join(formatting.uncertain(value, std), name_of_unit)
 
 
 def shown_prior(card: Card, name: str, unit: str) -> str:
@@ -81,4 +81,4 @@ def prior(entry: Quantity, unit: str) -> Estimate:
 
 def _in_card_unit(card: Card, entry: Quantity, value: float, si: str) -> tuple[float, str]:
     shift = card.ambient_pressure if entry.reference == "gauge" else 0.0
-    return from_si(value - shift, entry.unit, si), numbers.pretty(entry.unit)
+    return from_si(value - shift, entry.unit, si), formatting.pretty(entry.unit)

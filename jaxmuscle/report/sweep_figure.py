@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from jaxmuscle.report.numbers import pretty, printed_unit
+from jaxmuscle.formatting import pretty, printed_unit
 from jaxmuscle.report.style import AFTER, STYLE, figure
 from jaxmuscle.sweeps.columns import TIME
 from jaxmuscle.sweeps.job import FAILED

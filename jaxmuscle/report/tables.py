@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate, Round
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.report import numbers
 from jaxmuscle.report.shown import card_entry, prior, shown_column, shown_estimate, shown_prior, split_name
 from jaxmuscle.report.words import listed, meaning, words
 
@@ -27,7 +27,7 @@ def errors(diagnosis: Diagnosis) -> list[dict[str, str]]:
             for part in ("training", "held_out"):
                 error = parts[part][column]
                 row[f"{part}_{when}"] = shown.error(error.rmse)
-                row[f"{part}_{when}_noise"] = numbers.rounded(error.in_noise)
+                row[f"{part}_{when}_noise"] = formatting.rounded(error.in_noise)
         rows.append(row)
     return rows
 
@@ -40,9 +40,9 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "signal": words(effect.signal),
             "meaning": meaning(effect.meaning),
             "source": effect.source,
-            "evidence": f"{numbers.percent(effect.gain)} ({numbers.probability(effect.p_value)})",
+            "evidence": f"{formatting.percent(effect.gain)} ({formatting.probability(effect.p_value)})",
             "parameters": [
-                (words(name), numbers.estimate(e.value, e.std, e.unit), e.meaning)
+                (words(name), formatting.estimate(e.value, e.std, e.unit), e.meaning)
                 for name, e in effect.parameters.items()
             ],
         }
@@ -62,9 +62,9 @@ def ranking(search: Round) -> list[dict[str, str]]:
         {
             "name": words(candidate.name),
             "signal": words(candidate.signal),
-            "gain": numbers.percent(candidate.gain),
-            "p": numbers.probability(candidate.p_value),
-            "loss": numbers.rounded(candidate.loss, 3),
+            "gain": formatting.percent(candidate.gain),
+            "p": formatting.probability(candidate.p_value),
+            "loss": formatting.rounded(candidate.loss, 3),
             "outcome": outcome(candidate.name, candidate.told_apart),
         }
         for candidate in search.ranking
@@ -118,8 +118,8 @@ def unexplained(diagnosis: Diagnosis) -> list[dict[str, str]]:
     return [
         {
             "signal": words(left.signal),
-            "size": numbers.rounded(left.rms_in_noise),
-            "share": numbers.percent(left.share),
+            "size": formatting.rounded(left.rms_in_noise),
+            "share": formatting.percent(left.share),
             "depends_on": listed([words(name) for name in left.depends_on]) if left.depends_on else "",
         }
         for left in diagnosis.unexplained

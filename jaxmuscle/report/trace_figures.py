@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from jaxmuscle.diagnosis.result import Diagnosis, Series, Traces
-from jaxmuscle.report.numbers import join, rounded
+from jaxmuscle.formatting import join, rounded
 from jaxmuscle.report.shown import ShownColumn, shown_column
 from jaxmuscle.report.style import AFTER, BEFORE, INK, MUTED, SHADE, WIDTH, curve
 from jaxmuscle.report.style import figure as empty_figure

@@ -16,6 +16,7 @@ from jaxmuscle.estimation import Huber, Loss, Student
 from jaxmuscle.estimation.plain import restored
 from jaxmuscle.estimation.saved import as_json
 from jaxmuscle.estimation.toml import as_toml
+from jaxmuscle.formatting import estimate
 
 
 class Quartic(Loss):
@@ -194,6 +195,15 @@ def test_the_figure(result, tmp_path):
     np.testing.assert_array_equal(
         drawn.lines[0].get_ydata(), result.predictions["long"]["force"].to_numpy(), strict=True
     )
+
+
+def test_printed(result):
+    """What is known of each value can be read without asking for more columns or a wider terminal."""
+    lines, name = repr(result).split("\n"), "effects.thread_friction.kinetic_coefficient"
+    kinetic = next(line for line in lines if line.startswith(name))
+    assert estimate(result.values[name], result.std[name], "") in kinetic and " … " in kinetic
+    assert lines[-len(result.notes()) :] == result.notes()
+    assert all(any(line.startswith(name) for line in lines) for name in result.parameters)
 
 
 def test_the_table(result):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SYMBOLS = {"degC": "°C", "degF": "°F", "deg": "°", "um": "µm", "us": "µs"}
@@ -113,6 +114,14 @@ def percent(share: float) -> str:
     digits = 0 if not 0.99 < share < 1 else 1 if share <= 0.999 else 2
     shown = min(100 * share, 99.99) if digits else 100 * share
     return f"{shown:.{digits}f}\N{NO-BREAK SPACE}%"
+
+
+def aligned(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table as plain text: every column as wide as its longest entry, two spaces between them."""
+    lines = [heads, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    padded = ([cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
+    return "\n".join("  ".join(line).rstrip() for line in padded)
 
 
 def _exponent(value: float) -> int:

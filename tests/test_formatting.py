@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from jaxmuscle.report import numbers
+from jaxmuscle import formatting
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ from jaxmuscle.report import numbers
     ],
 )
 def test_value_and_deviation_end_at_the_same_digit(value: float, std: float, text: str) -> None:
-    assert numbers.uncertain(value, std) == text
+    assert formatting.uncertain(value, std) == text
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_value_and_deviation_end_at_the_same_digit(value: float, std: float, tex
     ],
 )
 def test_estimate_has_a_unit_of_the_right_size(value: float, std: float, unit: str, text: str) -> None:
-    assert numbers.estimate(value, std, unit) == text
+    assert formatting.estimate(value, std, unit) == text
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_estimate_has_a_unit_of_the_right_size(value: float, std: float, unit: s
     ],
 )
 def test_two_digits_are_enough_for_an_error(value: float, text: str) -> None:
-    assert numbers.rounded(value) == text
+    assert formatting.rounded(value) == text
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_two_digits_are_enough_for_an_error(value: float, text: str) -> None:
     [("mm^2", "mm²"), ("deg", "°"), ("degC", "°C"), ("m/s^2", "m/s²"), ("um", "µm"), ("", "")],
 )
 def test_unit_is_printed_as_in_a_paper(unit: str, text: str) -> None:
-    assert numbers.pretty(unit) == text
+    assert formatting.pretty(unit) == text
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_unit_is_printed_as_in_a_paper(unit: str, text: str) -> None:
     ],
 )
 def test_probability(p: float, text: str) -> None:
-    assert numbers.probability(p) == text
+    assert formatting.probability(p) == text
 
 
 @pytest.mark.parametrize(
@@ -90,4 +90,10 @@ def test_probability(p: float, text: str) -> None:
     [(0.93, "93"), (-0.1, "-10"), (0.9966, "99.7"), (0.99996, "99.99"), (1.0, "100"), (0.0, "0")],
 )
 def test_percent_reaches_a_hundred_only_for_all_of_it(share: float, text: str) -> None:
-    assert numbers.percent(share) == text + "\N{NO-BREAK SPACE}%"
+    assert formatting.percent(share) == text + "\N{NO-BREAK SPACE}%"
+
+
+def test_columns_of_a_table_are_aligned() -> None:
+    text = formatting.aligned(("name", "value"), [("mass", "8 kg"), ("end_factor", "1.3")])
+    assert text.split("\n") == ["name        value", "mass        8 kg", "end_factor  1.3"]
+    assert formatting.aligned(("name", "value"), []) == "name  value"
