@@ -195,6 +195,19 @@ def test_the_figure(result, tmp_path):
     np.testing.assert_array_equal(
         drawn.lines[0].get_ydata(), result.predictions["long"]["force"].to_numpy(), strict=True
     )
+    assert any(axes.get_title(loc="left") == "with pressure" for axes in figure.get_axes())
+
+
+def test_the_figure_shows_the_range_of_the_readings(result):
+    """A wide band hides nothing, and a column without readings is drawn empty."""
+    table = result.predictions["long"]
+    wide = {**result.predictions, "long": table.assign(**{"force std": 1e9})}
+    drawn = next(a for a in dataclasses.replace(result, predictions=wide).plot("long").get_axes() if a.lines)
+    low, high = drawn.get_ylim()
+    assert low < table["force"].min() and table["force"].max() < high
+    assert high - low < 1.5 * np.ptp(table["force"])
+    empty = {**result.predictions, "long": table.assign(**{"force": np.nan, "force fitted": np.nan})}
+    assert dataclasses.replace(result, predictions=empty).plot("long").get_axes()
 
 
 def test_printed(result):
