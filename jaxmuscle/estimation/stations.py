@@ -70,7 +70,7 @@ def station(
     """
     found = usable(actuator, recording, mask)
     card = dataclasses.replace(recording.card, noise={**recording.card.noise, **noise})
-    prepared = case(dataclasses.replace(found.recording, card=card), found.cut, actuator=actuator)
+    prepared = case(dataclasses.replace(found.recording, card=card), found.cut, actuator=actuator, twice=True)
     problem = prepared.training
     inside = np.minimum(np.asarray(problem.rows)[:, None] + np.arange(problem.samples), len(recording) - 1)
     counts = {

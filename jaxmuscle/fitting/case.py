@@ -54,6 +54,7 @@ def case(
     held_out: float | NDArray[np.bool_],
     ignored: NDArray[np.bool_] | None = None,
     actuator: AbstractActuator | None = None,
+    twice: bool = False,
 ) -> Case:
     """Prepare `recording`.
 
@@ -61,12 +62,15 @@ def case(
         held_out: fraction of the recording, at its end, that no fit may see; or a mask over its rows.
         ignored: rows whose readings count for nothing: a saturated sensor, a slack muscle.
         actuator: the machine; as the card declares it when `None`.
+        twice: smooth measured states twice: they keep their peaks, and what is fitted to them is not biased.
+            The rules by which a diagnosis judges were made with states smoothed once.
     """
     card = recording.card
     actuator = actuator_from_card(card) if actuator is None else actuator
     mask = _mask(held_out, len(recording))
     stretches = _stretches(mask, recording.breaks)
-    prepared = observed(actuator, recording, card.noise, tuple((np.flatnonzero(np.diff(mask)) + 1).tolist()))
+    cuts = tuple((np.flatnonzero(np.diff(mask)) + 1).tolist())
+    prepared = observed(actuator, recording, card.noise, cuts, twice)
     windows = cut(actuator, stretches, recording.step, card.horizon)
     if ignored is not None:
         windows = windows.ignoring(ignored)

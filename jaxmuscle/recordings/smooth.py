@@ -12,6 +12,7 @@ CONFIDENCE = 2.5
 """Half-width of the confidence intervals in standard deviations."""
 
 Series = NDArray[np.float64]
+Widths = NDArray[np.int64]
 
 
 def noise_level(values: Series) -> float:
@@ -25,17 +26,23 @@ def noise_level(values: Series) -> float:
     return float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0))
 
 
-def smooth(values: Series, step: float, noise: float, derivative: int = 0) -> tuple[Series, Series]:
+def smooth(
+    values: Series, step: float, noise: float, derivative: int = 0, twice: bool = False
+) -> tuple[Series, Series]:
     """Smoothed signal or derivative by cubic Savitzky-Golay filters of locally chosen width.
 
     At each sample the widest window is taken whose estimate still agrees with those of all narrower ones
     (intersection of confidence intervals; Goldenshluger and Nemirovski 1997, Katkovnik 1999): wide where
-    the signal is smooth, narrow at steps and stick-slip.
+    the signal is smooth, narrow at steps and stick-slip. As wide as that, it cuts peaks: by as much as the
+    noise that is left, and always inwards.
 
     Args:
         values: samples at a constant `step` [s].
         noise: standard deviation of the noise on `values`; 0 leaves the narrowest window.
         derivative: 0 for the signal, 1 for its rate.
+        twice: what is cut of a signal is in the residuals: smooth them in the same windows and put that back
+            (twicing; Tukey, Exploratory Data Analysis, 1977, chapter 16). Rates stay as they are: it would
+            add more to their noise than it takes off their error.
 
     Returns:
         the estimate and its standard deviation, both at every sample; the samples themselves (or their
@@ -44,16 +51,28 @@ def smooth(values: Series, step: float, noise: float, derivative: int = 0) -> tu
     if len(values) < WINDOWS[0]:
         raw = np.gradient(values, step) if derivative and len(values) > 1 else values * (derivative == 0)
         return raw.astype(float), np.full(len(values), noise * (np.sqrt(2.0) / step) ** derivative)
+    estimate, widths = _widest(values, step, noise, derivative)
+    left, spread = values - estimate, np.zeros_like(values)
+    for window in np.unique(widths):
+        here, kernel = widths == window, savgol_coeffs(window, ORDER, deriv=derivative, delta=step)
+        if twice and derivative == 0:
+            estimate[here] += savgol_filter(left, window, ORDER)[here]
+            kernel = 2 * np.pad(kernel, window // 2) - np.convolve(kernel, kernel)
+        spread[here] = noise * float(np.sqrt((kernel**2).sum()))
+    return estimate, spread
+
+
+def _widest(values: Series, step: float, noise: float, derivative: int) -> tuple[Series, Widths]:
+    """The estimate in the widest window that agrees with all narrower ones, and that window, everywhere."""
     lower: Series = np.full(values.shape, -np.inf)
     upper: Series = np.full(values.shape, np.inf)
-    chosen, spread = np.zeros_like(values), np.zeros_like(values)
+    chosen, widths = np.zeros_like(values), np.full(values.shape, WINDOWS[0])
     agreeing = np.ones(values.shape, dtype=bool)
     for window in (w for w in WINDOWS if w <= len(values)):
-        kernel = np.asarray(savgol_coeffs(window, ORDER, deriv=derivative, delta=step))
-        deviation = noise * float(np.sqrt((kernel**2).sum()))
+        kernel = savgol_coeffs(window, ORDER, deriv=derivative, delta=step)
+        reach = CONFIDENCE * noise * float(np.sqrt((kernel**2).sum()))
         estimate = np.asarray(savgol_filter(values, window, ORDER, deriv=derivative, delta=step))
-        lower = np.maximum(lower, estimate - CONFIDENCE * deviation)
-        upper = np.minimum(upper, estimate + CONFIDENCE * deviation)
+        lower, upper = np.maximum(lower, estimate - reach), np.minimum(upper, estimate + reach)
         agreeing &= (lower <= upper) | (window == WINDOWS[0])
-        chosen[agreeing], spread[agreeing] = estimate[agreeing], deviation
-    return chosen, spread
+        chosen[agreeing], widths[agreeing] = estimate[agreeing], window
+    return chosen, widths

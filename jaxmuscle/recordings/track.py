@@ -55,7 +55,11 @@ class Observed(eqx.Module):
 
 
 def observed(
-    actuator: AbstractActuator, recording: Sampled, noise: Mapping[str, float], cuts: tuple[int, ...] = ()
+    actuator: AbstractActuator,
+    recording: Sampled,
+    noise: Mapping[str, float],
+    cuts: tuple[int, ...] = (),
+    twice: bool = False,
 ) -> Observed:
     """Prepare `recording` for `actuator`.
 
@@ -63,6 +67,7 @@ def observed(
         noise: column → standard deviation of its sensor (SI); a column without one gets the level that
             :func:`noise_level` finds in the data.
         cuts: further rows, besides the recording's breaks, across which nothing is smoothed.
+        twice: smooth signals twice, which leaves their peaks, see :func:`smooth`.
     """
     columns, step = recording.columns, recording.step
     samples = len(next(iter(columns.values())))
@@ -70,7 +75,7 @@ def observed(
 
     def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
         stretches = [columns[column][a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        parts = [smooth(values, step, _level(values, stretches), derivative) for values in stretches]
+        parts = [smooth(values, step, _level(values, stretches), derivative, twice) for values in stretches]
         return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
     measured, spread = {}, {}

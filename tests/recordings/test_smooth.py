@@ -49,16 +49,25 @@ def test_window_narrows_with_the_curvature(frequency):
     assert rms(widest - sine) > 2 * rms(smoothed - sine)
 
 
+def test_peaks_are_not_cut():
+    """Smoothed once, the amplitude comes out 1.7 % too small, in every draw."""
+    fast, cut = np.sin(2 * np.pi * 0.8 * TIME), []
+    for seed in range(40):
+        noise = NOISE * np.random.default_rng(seed).normal(size=len(TIME))
+        cut.append((smooth(fast + noise, STEP, NOISE, twice=True)[0] - fast) @ fast / (fast @ fast))
+    assert abs(np.mean(cut)) < 1.5e-3
+
+
 def test_smooth_slope():
     slope, _ = smooth(NOISY, STEP, NOISE, derivative=1)
     assert rms(slope[INNER] - SLOPE[INNER]) < 0.05 * rms(SLOPE)
     assert rms(np.gradient(NOISY, STEP) - SLOPE) > 0.5 * rms(SLOPE)
 
 
-@pytest.mark.parametrize("derivative", [0, 1])
-def test_deviation_is_that_of_the_error(derivative):
+@pytest.mark.parametrize(("derivative", "twice"), [(0, False), (0, True), (1, False)])
+def test_deviation_is_that_of_the_error(derivative, twice):
     truth = (SINE, SLOPE)[derivative]
-    smoothed, deviation = smooth(NOISY, STEP, NOISE, derivative)
+    smoothed, deviation = smooth(NOISY, STEP, NOISE, derivative, twice)
     assert 0.5 < rms(((smoothed - truth) / deviation)[INNER]) < 2.0
 
 
