@@ -55,8 +55,18 @@ def _changes(objective: Objective, number: int, u: Line) -> list[dict[str, Line]
         for up, down in ((spread, -spread), (later, earlier)):
             one, other = residuals(name, rates + up), residuals(name, rates + down)
             sound = {o: (np.abs(one[o]) < BROKEN) & (np.abs(other[o]) < BROKEN) for o in one}
-            found.append({o: np.where(sound[o], 0.5 * (one[o] - other[o]), 0.0) for o in one})
+            change = {o: np.where(sound[o], 0.5 * (one[o] - other[o]), 0.0) for o in one}
+            found.append(_independent(station, change))
     return found
+
+
+def _independent(station: Station, change: dict[str, Line]) -> dict[str, Line]:
+    """Without what is shared with the other states that begin windows."""
+    parts = [change[link.output] for link in station.actuator.links]
+    ends = np.cumsum([part.size for part in parts])[:-1]
+    left = np.split(station.whitened(np.concatenate([part.ravel() for part in parts])), ends)
+    pairs = zip(station.actuator.links, parts, left, strict=True)
+    return {link.output: each.reshape(part.shape) for link, part, each in pairs}
 
 
 def _neighbours(problem: Problem, rates: Line) -> tuple[Line, Line]:

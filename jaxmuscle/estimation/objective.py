@@ -69,7 +69,7 @@ class Objective:
 
     def _assembled(self, number: int, points: Float[NDArray, "some k"]) -> Arrays:
         """Of one recording: cost, predictions that are not numbers, gradient and Gauss-Newton matrix."""
-        values, slopes = self._by_values(number, points)
+        values, slopes = (self.stations[number].whitened(x) for x in self._by_values(number, points))
         inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number)]
         wrong = ~np.isfinite(values)
         values = np.where(wrong, 0.0, values)
@@ -85,10 +85,18 @@ class Objective:
     def residuals(
         self, number: int, points: Float[NDArray, "lanes k"]
     ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
-        """Residuals of one recording and their derivatives by the coordinates that act on it.
+        """Residuals of one recording, as they are squared, and their derivatives by what acts on it.
 
         A prediction that is not a number has a residual that is not, and no slope.
         """
+        r, slopes = self.deviations(number, points)
+        station = self.stations[number]
+        return station.whitened(r), station.whitened(slopes)
+
+    def deviations(
+        self, number: int, points: Float[NDArray, "lanes k"]
+    ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
+        """Predicted minus measured, weighted, and its derivatives by the coordinates that act on it."""
         r, slopes = divided(partial(self._by_values, number), points, self.width)
         inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number), None]
         with np.errstate(over="ignore"):

@@ -65,7 +65,7 @@ def predictions(
             scale = np.full(len(recording), np.nan)
             scale[at[inside]] = weights[inside]
             measured = recording.columns[line.column]
-            fitted[line.counts] = measured[line.counts] + line.residual[line.counts] / scale[line.counts]
+            fitted[line.counts] = measured[line.counts] + line.deviation[line.counts] / scale[line.counts]
             std[line.counts] = _deviation(line, sure) / scale[line.counts]
             table |= {line.column: measured, f"{line.column} fitted": fitted, f"{line.column} std": std}
             table |= {f"{line.column} predicted": predicted}
@@ -99,7 +99,7 @@ def noise_table(
         at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
         scale = np.ones(len(station.recording))
         scale[at[weights > 0]] = weights[weights > 0]
-        in_si = (line.residual / scale)[line.counts]
+        in_si = (line.deviation / scale)[line.counts]
         # The weights allow for uncertain states; where these matter least they are the sensor's.
         largest = float(weights.max())
         found.setdefault(station.label, {})[line.column] = Noise(

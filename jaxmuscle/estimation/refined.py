@@ -46,10 +46,12 @@ def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[NDArray,
         return objective
     changes, pull = [], np.zeros(len(u))
     for number in range(len(objective.stations)):
-        coarse, slopes = (part[0] for part in objective.residuals(number, u[None]))
+        station = objective.stations[number]
+        coarse, slopes = (part[0] for part in objective.deviations(number, u[None]))
         change = RICHARDSON * _change(objective, number, u, coarse)
-        weight = objective.loss.weight(np.where(np.isfinite(coarse), coarse, 0.0))
-        pull[objective.unknowns.acting_on(number)] += slopes @ (weight * change)
+        residuals = station.whitened(np.where(np.isfinite(coarse), coarse, 0.0))
+        scores = objective.loss.weight(residuals) * station.whitened(change)
+        pull[objective.unknowns.acting_on(number)] += station.whitened(slopes) @ scores
         changes.append(change)
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size) + 1e-10 * np.eye(len(u))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.distinct import descend_distinct, ends, winner_of
 from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits
+from jaxmuscle.estimation.loosened import loosened
 from jaxmuscle.estimation.noise import with_estimated_noise
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.refined import refined
@@ -80,7 +81,7 @@ def search(task: Search) -> Found:
             break
         parts = dataclasses.replace(objective, stations=stations)
         lanes = descend_distinct(parts, points, failed, first, counted.on(stage))
-    objective = weighted(objective, winner_of(lanes).u)
+    objective = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
     points, failed = ends(lanes)
     lanes = descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
     winner = winner_of(lanes)

@@ -18,7 +18,8 @@ class Series:
     Attributes:
         recording, output, column: which one; `recording` is a number.
         counts: rows that count; everything else is zero elsewhere.
-        residual: measured against predicted, weighted.
+        residual: measured against predicted, weighted, and independent of the states that begin windows.
+        deviation: the same with these as they were smoothed.
         slopes: derivatives of the residual by all unknowns' coordinates.
         window: number of the window that a row belongs to, -1 for none.
     """
@@ -28,6 +29,7 @@ class Series:
     column: str
     counts: Bool[NDArray[np.bool_], " rows"]
     residual: Float[NDArray, " rows"]
+    deviation: Float[NDArray, " rows"]
     slopes: Float[NDArray, "k rows"]
     window: Int[NDArray[np.int64], " rows"]
 
@@ -36,7 +38,8 @@ def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
     """All residuals of all recordings at coordinates u."""
     found = []
     for number, station in enumerate(objective.stations):
-        residual, slopes = (part[0] for part in objective.residuals(number, u[None]))
+        deviation, slopes = (part[0] for part in objective.deviations(number, u[None]))
+        residual, slopes = station.whitened(deviation), station.whitened(slopes)
         index, begin, rows = objective.unknowns.acting_on(number), 0, len(station.recording)
         at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
         for link in station.actuator.links:
@@ -45,16 +48,23 @@ def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
             begin += weights.size
             names = station.actuator.outputs[link.output]
             shape = (*weights.shape[:2], len(names))
-            weights, values = weights.reshape(shape), residual[part].reshape(shape)
+            inside = (weights > 0).reshape(shape)
+            both = [each[part].reshape(shape) for each in (residual, deviation)]
             tangents = slopes[:, part].reshape(-1, *shape)
             for i, column in enumerate(names):
-                inside = weights[..., i] > 0
-                counts, where = np.zeros(rows, dtype=bool), at[inside]
+                where = at[inside[..., i]]
+                counts, matrix = np.zeros(rows, dtype=bool), np.zeros((len(u), rows))
                 counts[where] = True
-                line, matrix = np.zeros(rows), np.zeros((len(u), rows))
-                line[where] = values[..., i][inside]
-                matrix[np.ix_(index, where)] = tangents[..., i][:, inside]
+                matrix[np.ix_(index, where)] = tangents[..., i][:, inside[..., i]]
+                line, plain = (_placed(rows, where, each[..., i][inside[..., i]]) for each in both)
                 window = np.full(rows, -1, dtype=np.int64)
-                window[where] = np.broadcast_to(np.arange(len(at))[:, None], at.shape)[inside]
-                found.append(Series(number, link.output, column, counts, line, matrix, window))
+                window[where] = np.broadcast_to(np.arange(len(at))[:, None], at.shape)[inside[..., i]]
+                found.append(Series(number, link.output, column, counts, line, plain, matrix, window))
     return found
+
+
+def _placed(rows: int, where: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values at some rows of a recording, zero at the others."""
+    line = np.zeros(rows)
+    line[where] = values
+    return line

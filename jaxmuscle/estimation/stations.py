@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.missing import Mask, usable
+from jaxmuscle.estimation.whitening import Whitening
 from jaxmuscle.fitting.case import case
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.recordings.recording import Recording
@@ -29,6 +31,8 @@ class Station:
             a window was padded.
         period: samples of a whole window.
         spread: standard deviation of each smoothed state, sample by sample.
+        begins: for each state with which windows begin, output → change of its predictions (SI) by as much
+            as the state may be off.
     """
 
     label: str
@@ -38,11 +42,33 @@ class Station:
     problem: Problem
     period: int
     spread: dict[str, Array]
+    begins: tuple[dict[str, NDArray[np.float64]], ...] = ()
 
     @property
     def samples(self) -> int:
         """Readings that count."""
         return sum(int((np.asarray(w) > 0).sum()) for w in self.problem.weights.values())
+
+    @cached_property
+    def _whitening(self) -> Whitening | None:
+        if not self.begins:
+            return None
+        shares = []
+        for link in self.actuator.links:
+            weights = np.asarray(self.problem.weights[link.output])
+            each = [(change[link.output] * weights).reshape(len(weights), -1) for change in self.begins]
+            shares.append(np.stack(each, axis=-1))
+        return Whitening.of(shares)
+
+    def whitened(self, values: Float[NDArray, "... n"]) -> Float[NDArray, "... n"]:
+        """Weighted residuals, or their slopes, without what the states share with which windows begin.
+
+        What is not a number stays none, and counts as zero for the others.
+        """
+        if self._whitening is None:
+            return values
+        wrong = ~np.isfinite(values)
+        return np.where(wrong, values, self._whitening(np.where(wrong, 0.0, values)))
 
     def reweighted(self, factors: Mapping[str, NDArray[np.float64]]) -> Station:
         """With the weights of each output multiplied by a factor (one for each of its columns)."""
