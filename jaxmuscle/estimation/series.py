@@ -19,9 +19,9 @@ class Series:
         recording, output, column: which one; `recording` is a number.
         counts: rows that count; everything else is zero elsewhere.
         residual: measured against predicted, weighted, and independent of the states that begin windows.
-        deviation: the same with these as they were smoothed.
         slopes: derivatives of the residual by all unknowns' coordinates.
         window: number of the window that a row belongs to, -1 for none.
+        shared: what was taken off the residual to make it so.
     """
 
     recording: int
@@ -29,9 +29,14 @@ class Series:
     column: str
     counts: Bool[NDArray[np.bool_], " rows"]
     residual: Float[NDArray, " rows"]
-    deviation: Float[NDArray, " rows"]
     slopes: Float[NDArray, "k rows"]
     window: Int[NDArray[np.int64], " rows"]
+    shared: Float[NDArray, " rows"] | float = 0.0
+
+    @property
+    def deviation(self) -> Float[NDArray, " rows"]:
+        """Predicted minus measured, weighted, with windows that begin as smoothed."""
+        return self.residual + self.shared
 
 
 def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
@@ -49,17 +54,17 @@ def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
             names = station.actuator.outputs[link.output]
             shape = (*weights.shape[:2], len(names))
             inside = (weights > 0).reshape(shape)
-            both = [each[part].reshape(shape) for each in (residual, deviation)]
+            both = [each[part].reshape(shape) for each in (residual, deviation - residual)]
             tangents = slopes[:, part].reshape(-1, *shape)
             for i, column in enumerate(names):
                 where = at[inside[..., i]]
                 counts, matrix = np.zeros(rows, dtype=bool), np.zeros((len(u), rows))
                 counts[where] = True
                 matrix[np.ix_(index, where)] = tangents[..., i][:, inside[..., i]]
-                line, plain = (_placed(rows, where, each[..., i][inside[..., i]]) for each in both)
+                line, shared = (_placed(rows, where, each[..., i][inside[..., i]]) for each in both)
                 window = np.full(rows, -1, dtype=np.int64)
                 window[where] = np.broadcast_to(np.arange(len(at))[:, None], at.shape)[inside[..., i]]
-                found.append(Series(number, link.output, column, counts, line, plain, matrix, window))
+                found.append(Series(number, link.output, column, counts, line, matrix, window, shared))
     return found
 
 

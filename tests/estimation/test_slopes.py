@@ -36,9 +36,9 @@ def place():
 def test_all_lanes_are_what_each_is_alone(place):
     values, slopes = values_and_slopes(jnp.asarray(AT), place.actuator, place.problem, PATHS)
     assert values.shape == (3, place.samples) and slopes.shape == (3, 4, place.samples)
-    # Without offsets they are the residuals of a diagnosis.
+    # Without offsets they are the residuals of a diagnosis whose states are smoothed twice.
     moved = replace(place.actuator, {PATHS[0]: 1.45, PATHS[2]: 0.12})
-    expected = residuals(moved, case(place.recording, 0.0).problem)["force"]
+    expected = residuals(moved, case(place.recording, 0.0, twice=True).problem)["force"]
     np.testing.assert_allclose(
         values[2], np.asarray(expected)[np.asarray(place.problem.weights["force"]) > 0]
     )
