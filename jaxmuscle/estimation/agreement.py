@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -89,11 +90,19 @@ def check_same_rig(actuator: AbstractActuator, recordings: Sequence[Recording]) 
 
 
 def labels(recordings: Sequence[Recording]) -> list[str]:
-    """A name for each recording: its own, numbered from the second of the same name on."""
+    """A name for each recording, no two alike: its own, numbered from the second of the same name on.
+
+    A number that makes the name of another recording is passed over: ``a-2``, ``a``, ``a`` are ``a-2``,
+    ``a``, ``a-3``.
+    """
+    own = {recording.name for recording in recordings}
     names: list[str] = []
     for recording in recordings:
-        count = sum(name == recording.name or name.startswith(f"{recording.name}-") for name in names)
-        names.append(recording.name if recording.name not in names else f"{recording.name}-{count + 1}")
+        name = recording.name
+        if name in names:
+            numbered = (f"{name}-{count}" for count in itertools.count(2))
+            name = next(each for each in numbered if each not in own and each not in names)
+        names.append(name)
     return names
 
 

@@ -17,7 +17,7 @@ from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
 from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.layout import known_places, layout
 from jaxmuscle.estimation.losses import Loss
-from jaxmuscle.estimation.missing import Mask
+from jaxmuscle.estimation.missing import Mask, noise_of_readings
 from jaxmuscle.estimation.names import columns, expanded, resolve
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.padding import aligned
@@ -73,8 +73,13 @@ def prepared(
         raise InputError(f"noise: expected {ESTIMATED!r} or a mapping of columns to values; got {noise!r}")
     levels = _checked(actuator, noise) if isinstance(noise, Mapping) else {}
     machines = conditions(actuator, recordings, {e.place.path for e in unknowns.entries})
-    parts = zip(machines, recordings, names, _masks(masks, recordings), strict=True)
-    return Objective(aligned([station(*part, levels) for part in parts]), unknowns, rule)
+    stations = [
+        station(machine, recording, name, mask, noise_of_readings(machine, recording, mask) | levels)
+        for machine, recording, name, mask in zip(
+            machines, recordings, names, _masks(masks, recordings), strict=True
+        )
+    ]
+    return Objective(aligned(stations), unknowns, rule)
 
 
 def profiled(

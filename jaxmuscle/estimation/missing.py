@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.estimation.bridged import LONGEST_BRIDGE, bridged, noise_beside_gaps
 from jaxmuscle.estimation.names import columns
 from jaxmuscle.recordings.recording import Recording
 
 Rows = NDArray[np.bool_]
 Mask = ArrayLike | Mapping[str, ArrayLike]
 
-LONGEST_BRIDGE = 20
-"""Samples of a measured state in a row that are bridged by a straight line; a longer gap ends a window."""
 LEAST_ROWS = 50
 """Usable readings of each output without which nothing is fitted."""
 
@@ -27,7 +26,7 @@ class Usable:
     """A recording without gaps, and what of it counts.
 
     Attributes:
-        recording: every unusable reading replaced by the straight line between its neighbours.
+        recording: every unusable reading replaced, see :func:`jaxmuscle.estimation.bridged.bridged`.
         ignored: output → column by column, rows whose residual does not count.
         cut: rows within long gaps of a measured state: no window begins or runs on there.
     """
@@ -53,7 +52,7 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
             f"that its rig measures. Mask less, or leave the recording out"
         )
     filled = {
-        name: _bridged(values, bad[name]) if name in bad else values
+        name: bridged(values, bad[name], recording.breaks) if name in bad else values
         for name, values in recording.columns.items()
     }
     states = {column for group in actuator.measured.values() for column in group}
@@ -77,6 +76,21 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
                 f"{len(recording)}; expected at least {LEAST_ROWS}. Mask less, or leave the recording out"
             )
     return Usable(_with_columns(recording, filled), ignored, cut)
+
+
+def noise_of_readings(
+    actuator: AbstractActuator, recording: Recording, mask: Mask | None
+) -> dict[str, float]:
+    """Column → noise of those sensors that miss readings and of which the card tells none (SI).
+
+    Args:
+        mask: as for :func:`usable`.
+    """
+    return {
+        column: noise_beside_gaps(recording.columns[column], rows, recording.breaks)
+        for column, rows in _bad(actuator, recording, mask).items()
+        if not recording.card.noise.get(column)
+    }
 
 
 def _bad(actuator: AbstractActuator, recording: Recording, mask: Mask | None) -> dict[str, Rows]:
@@ -114,14 +128,6 @@ def _checked(mask: ArrayLike, recording: Recording, column: str) -> Rows:
             f"{recording.name!r} ({column}), true where it is bad; got {rows.dtype} of shape {rows.shape}"
         )
     return rows
-
-
-def _bridged(values: NDArray[np.float64], bad: Rows) -> NDArray[np.float64]:
-    rows = np.arange(len(values))
-    good = ~bad
-    if not good.any():
-        return np.zeros(len(values))
-    return np.asarray(np.where(bad, np.interp(rows, rows[good], values[good]), values), dtype=np.float64)
 
 
 def _long_runs(bad: Rows, longest: int) -> Rows:

@@ -13,9 +13,9 @@ from jaxmuscle.estimation.objective import Objective
 def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Objective:
     """With the noise of each column of each recording as the size of its residuals at u.
 
-    The root of the mean weighted square, residuals weighted as the loss does, which for squares is the
-    maximum-likelihood estimate. Each recording has its own: benches, ranges of a sensor and what the model
-    lacks differ.
+    The size by the loss (`Loss.size`), which for squares is the maximum-likelihood estimate, and under a
+    robust loss is right for normal noise. Each recording has its own: benches, ranges of a sensor and what
+    the model lacks differ.
     """
     stations = []
     for number, station in enumerate(objective.stations):
@@ -24,8 +24,9 @@ def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Object
             w = np.asarray(station.problem.weights[link.output])
             part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)
             begin += w.size
-            mass = objective.loss.weight(part) * (w > 0).reshape(part.shape)
-            squares = (mass * part**2).sum(axis=(0, 1)) / mass.sum(axis=(0, 1))
-            factors[link.output] = 1 / np.sqrt(np.maximum(squares, 1e-12))
+            counted = np.where((w > 0).reshape(part.shape), part, np.nan)
+            # A column of which nothing counts keeps what it has.
+            size = np.nan_to_num(objective.loss.size(counted, (0, 1)), nan=1.0)
+            factors[link.output] = 1 / np.maximum(size, 1e-6)
         stations.append(station.reweighted(factors))
     return dataclasses.replace(objective, stations=stations)

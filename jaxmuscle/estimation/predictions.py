@@ -114,8 +114,7 @@ def noise_table(
 
 def _ratio(residual: NDArray[np.float64], loss: Loss) -> float:
     """Size of the residuals, weighted as the loss does."""
-    weight = loss.weight(residual)
-    return float(np.sqrt((weight * residual**2).sum() / weight.sum())) if len(residual) else float("nan")
+    return float(np.sqrt(loss.mean_square(residual)))
 
 
 def _column(values: object, position: int, columns: int) -> NDArray[np.float64]:
