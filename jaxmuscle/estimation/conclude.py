@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.begun import state_scores
+from jaxmuscle.estimation.bounded import with_inner_ends
+from jaxmuscle.estimation.conflict import with_conflicts
 from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.entries import correlations, fitted, outcomes
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
@@ -39,7 +41,8 @@ def conclude(
     progress("judging the fit")
     lines, rough = without_rough(objective, u, series(objective, u))
     ends = at_bound(unknowns, u)
-    sure = covariance(lines, unknowns, objective.loss, ends != 0, state_scores(objective, u, lines))
+    scores = state_scores(objective, u, lines)
+    sure = covariance(lines, unknowns, objective.loss, ends != 0, scores)
     idle, combinations = _identifiability(lines, unknowns, u, ends)
     chosen = [i for i, e in enumerate(unknowns.entries) if e.place.name in wanted and not ends[i]]
     if chosen:
@@ -52,11 +55,13 @@ def conclude(
     inputs = [_inputs(station.actuator, station.filled.columns) for station in objective.stations]
     labels = [station.label for station in objective.stations]
     # Standard deviations of the values, from those of the coordinates.
-    to_values = unknowns.slopes(u)
+    parameters = fitted(unknowns, u, sure, ends, unknowns.slopes(u), labels)
+    for judged in (with_inner_ends, with_conflicts):
+        parameters = judged(parameters, lines, unknowns, objective.loss, u, ends, scores)
     return FitResult(
         actuator=machines[0],
         actuators=machines,
-        parameters=fitted(unknowns, u, sure, ends, to_values, labels),
+        parameters=parameters,
         correlations=correlations(sure, unknowns, ends),
         cost=found.best.cost,
         samples=objective.samples,

@@ -18,6 +18,9 @@ class Fitted:
         prior: mean and standard deviation of what was known beforehand.
         at_bound: "lower" or "upper" when the value ended there.
         recording: name of the recording whose own it is, `None` for one of all recordings.
+        inner: end of the 95 % interval of a value at a bound; `None` for others.
+        conflict: distance between the prior and what the data say without it, in standard deviations of
+            their difference; 0 unless they contradict each other.
     """
 
     value: float
@@ -36,9 +39,16 @@ class Fitted:
     at_bound: str | None = None
     recording: str | None = None
     states: float = 0.0
+    inner: float | None = None
+    conflict: float = 0.0
 
     def interval(self) -> tuple[float, float]:
-        """95 % confidence interval; of a positive parameter on the logarithm, and within the bounds."""
+        """95 % confidence interval; of a positive parameter on the logarithm, and within the bounds.
+
+        A value at a bound is one end of it.
+        """
+        if self.inner is not None:
+            return min(self.value, self.inner), max(self.value, self.inner)
         reach = QUANTILE * self.std
         if self.positive and math.isfinite(reach):
             # A factor beyond e^700 is as good as infinite, and no number.
@@ -71,7 +81,7 @@ class Noise:
         residual: root mean square residual.
         ratio: root mean square of the residuals over what was expected of each: the sensor's noise, and
             what the smoothed states that predictions begin from leave uncertain; residuals weighted as the
-            loss does, so that outliers hardly count under a robust one.
+            loss does, so that outliers hardly count under a robust one; 1 for normal noise under any loss.
     """
 
     assumed: float

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from jaxmuscle.estimation.data import FitData
 
 ENDS = {
@@ -18,8 +16,6 @@ MUCH = 2.0
 CORRELATED = 0.98
 BETTER = -0.5
 """Deviance of a point of a profile from which it is another, better fit."""
-CONTRADICTED = 4.0
-"""Distance from a prior, in its standard deviations, from which data and prior contradict each other."""
 
 
 def notes(result: FitData) -> list[str]:
@@ -32,7 +28,7 @@ def notes(result: FitData) -> list[str]:
     if ran < len(result.starts):
         reasons = "; ".join(f"{count} × {reason}" for reason, count in result.failed.items())
         found.append(f"{len(result.starts) - ran} starts failed and were set aside: {reasons}.")
-    found += [f"{name} has no influence on the data; it stayed where it was." for name in result.idle]
+    found += _idle(result)
     found += [
         f"{name} ended at its {fitted.at_bound} bound."
         for name, fitted in result.parameters.items()
@@ -79,17 +75,23 @@ def _profiles(result: FitData) -> list[str]:
 def _against_priors(result: FitData) -> list[str]:
     found = []
     for name, fitted in result.parameters.items():
-        if fitted.prior is None:
-            continue
-        mean, std = fitted.prior
-        logarithmic = fitted.positive and fitted.value > 0
-        away = mean * math.log(fitted.value / mean) if logarithmic else fitted.value - mean
-        if abs(away) > CONTRADICTED * std:
+        if fitted.prior is not None and fitted.conflict:
+            mean, std = fitted.prior
             prior = f"{mean:g} ± {std:g} {fitted.unit}".rstrip()
             found.append(
-                f"{name} ended {abs(away) / std:.1f} standard deviations away from its prior ({prior}): "
-                f"the prior, its unit or the model is wrong."
+                f"By the data {name} is {fitted.conflict:.1f} standard deviations away from its prior "
+                f"({prior}): the prior, its unit or the model is wrong."
             )
+    return found
+
+
+def _idle(result: FitData) -> list[str]:
+    """Without influence on the data: what is not held by a prior either stayed where it was."""
+    found = []
+    for name in result.idle:
+        fitted = result.parameters[name]
+        decided = "stayed where it was" if fitted.prior is None else "is what its prior says"
+        found.append(f"{name} has no influence on the data; it {decided}.")
     return found
 
 

@@ -37,6 +37,9 @@ class FitResult(FitData):
         """The card of a recording with the fitted values and their standard deviations.
 
         As priors these are for other recordings; fitted to the same one again, its data count twice.
+        Each is a prior by itself: a card has no place for correlations. Where these are close to ±1 the card
+        knows less of combinations than the fit did, and a fit of new data that begins with it is too sure of
+        single values: its intervals are too short. Fit the recordings together instead, as one list.
         """
         return fitted_card(self, recording)
 

@@ -23,7 +23,7 @@ def rows(result: FitData) -> Iterator[tuple[str, str, str, str]]:
         if fitted.at_bound:
             value += f" (at its {fitted.at_bound} bound)"
         size, unit = printed_unit(fitted.unit, fitted.value)
-        known = fitted.std > 0 and math.isfinite(low) and math.isfinite(high)
+        known = low < high and math.isfinite(low) and math.isfinite(high)
         ends = f"{rounded(low / size, SIGNIFICANT)} … {rounded(high / size, SIGNIFICANT)}" if known else ""
         prior = "" if fitted.prior is None else estimate(*fitted.prior, fitted.unit)
         yield name, value, join(ends, unit) if ends else "-", prior

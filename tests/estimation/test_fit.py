@@ -122,6 +122,16 @@ def test_noise_can_be_estimated(recording):
     assert loud.std["end_factor"] == pytest.approx(found.std["end_factor"], rel=0.05)
 
 
+@pytest.mark.parametrize("loss", ["huber", "student"])
+def test_robust_noise_is_right_for_normal_noise(recording, loss):
+    """What the residuals are by squares; tails that count for less are allowed for."""
+    given = fitted(recording, loss=loss)
+    plain = fitted(recording).noise["pull"]["force"].residual
+    assert given.noise["pull"]["force"].ratio == pytest.approx(plain / NOISE, rel=0.03)
+    found = fitted(recording, loss=loss, noise="estimated")
+    assert found.noise["pull"]["force"].assumed == pytest.approx(plain, rel=0.03)
+
+
 def test_each_recording_has_its_own_noise():
     """A quiet bench and a loud one: the quiet one decides, as it should."""
     quiet, loud = pulled(1, name="quiet"), pulled(2, name="loud")
@@ -190,6 +200,10 @@ def test_without_influence_is_named_and_not_fatal(recording):
     assert result.values[path] == 0.15
     assert any("velocity_constant has no influence" in note for note in result.notes())
     assert within(result, "end_factor", TRUE["end_factor"])
+    assert f"{path} has no influence on the data; it stayed where it was." in result.notes()
+    prior = jm.fit(idle, recording, ["end_factor", path], priors={path: (0.3, 0.01)})
+    assert prior.values[path] == pytest.approx(0.3, rel=1e-6)
+    assert f"{path} has no influence on the data; it is what its prior says." in prior.notes()
 
 
 def test_a_ratio_that_alone_is_determined(recording):
@@ -208,10 +222,24 @@ def test_a_bound_holds_and_is_named():
     assert result.values["initial_radius"] == 6.9e-3
     assert result.parameters["initial_radius"].at_bound == "upper"
     assert result.std["initial_radius"] == 0
+    low, high = result.parameters["initial_radius"].interval()
+    assert low < high == 6.9e-3
     assert "initial_radius ended at its upper bound." in result.notes()
     # What is free makes up for it: less end factor pulls more.
     assert result.values["end_factor"] < TRUE["end_factor"]
     assert list(result.correlations.index) == ["end_factor"]
+
+
+def test_the_interval_of_a_value_at_a_bound(recording, result):
+    """One standard deviation beyond the bound all that remains is hypot(1, 1.96) - 1 of them inside it."""
+    bound = result.values["end_factor"] - result.std["end_factor"]
+    start = jm.replace(jm.actuator(recording.card), {"muscle.end_factor": 0.999 * bound})
+    none = {"initial_radius": None, "end_factor": None}
+    found = jm.fit(start, recording, bounds={"end_factor": (None, bound)}, priors=none)
+    low, high = found.parameters["end_factor"].interval()
+    assert high == bound and found.table().loc["end_factor", "low"] == low
+    assert (bound - low) / result.std["end_factor"] == pytest.approx(np.hypot(1, 1.96) - 1, rel=0.1)
+    assert "at its upper bound)  1.30" in repr(found)
 
 
 def test_failed_starts_are_set_aside(recording):
@@ -302,7 +330,10 @@ def test_a_prior_in_the_wrong_unit_is_named(recording):
     found = fitted(recording, "initial_radius", "end_factor", **how)
     assert found.values["initial_radius"] == pytest.approx(7e-3, rel=1e-2)
     (note,) = (n for n in found.notes() if "away from its prior" in n)
-    assert "initial_radius ended" in note and "(7 ± 0.1 m): the prior, its unit or the model is wrong" in note
+    assert (
+        "By the data initial_radius is" in note
+        and "(7 ± 0.1 m): the prior, its unit or the model is wrong" in note
+    )
     calm = fitted(recording)
     assert not any("away from its prior" in n for n in calm.notes())
 

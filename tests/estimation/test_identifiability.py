@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from jaxmuscle.estimation.identifiability import in_words, undetermined, without_influence
-from jaxmuscle.estimation.losses import LOSSES, Huber, Student, loss_named
+from jaxmuscle.estimation.losses import LOSSES, Huber, Loss, Squares, Student, loss_named
 from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.starts import spread_starts
@@ -85,6 +85,65 @@ def test_what_the_data_do_determine_is_not_called_undetermined():
     assert "to which shifting a by +10 %, b by +0.1 of its scale is one standard deviation" in mixed
 
 
+def correlated():
+    """Four parameters known to a tenth of a percent, all of whose errors go together."""
+    mixing = np.eye(4) + 0.9 * np.random.default_rng(3).normal(size=(4, 4))
+    rows = np.linalg.qr(np.random.default_rng(4).normal(size=(500, 4)))[0].T
+    return 1e3 * mixing @ rows
+
+
+def test_a_single_prior_tells_of_its_parameter_alone():
+    """By the data's own standard deviation with the others unknown too, which is where its say ends."""
+    slopes = correlated()
+    information = slopes @ slopes.T
+    std = np.sqrt(np.diag(np.linalg.inv(information)))
+    given = 1 / np.sqrt(np.diag(information))
+    assert (given < 0.8 * std).any()
+    for i in range(4):
+        for share, told in ((0.95, 1), (0.3, 1), (0.01, 1), (1.05, 0)):
+            prior = np.where(np.arange(4) == i, 1 / (share * std[i]) ** 2, 0.0)
+            found = undetermined(information, prior, list("abcd"), np.ones(4, bool))
+            assert len(found) == told
+            for each in found:
+                assert each.exponents == {"abcd"[i]: 1.0} and each.std == pytest.approx(std[i])
+                assert each.words.startswith(f"the prior tells more of {'abcd'[i]} than the data")
+
+
+def test_no_more_is_told_than_there_are_priors():
+    slopes = correlated()
+    std = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    both = np.array([1.0, 0.0, 1.0, 0.0]) / (0.05 * std) ** 2
+    found = words(slopes, list("abcd"), prior=both)
+    assert [each.split(" than ")[0] for each in found] == [
+        f"the prior tells more of {name}" for name in ("a", "c")
+    ] or [each.split(" than ")[0] for each in found] == [
+        f"the prior tells more of {name}" for name in ("c", "a")
+    ]
+
+
+def test_what_the_data_leave_open_takes_the_prior():
+    """A prior on one of two that only scale together says nothing of what is known of their ratio."""
+    slopes = [1e3 * BASIS[0], -1e3 * BASIS[0], 1e3 * BASIS[1]]
+    found = words(slopes, ["a", "b", "c"], prior=[1e8, 0.0, 0.0])
+    assert found == ["only a / b is determined, not a and b one by one"]
+    # A second prior does: with both, the ratio.
+    (_, ratio) = words(slopes, ["a", "b", "c"], prior=[1e12, 1e12, 0.0])
+    assert ratio.startswith("the priors tell a and b apart better than the data, to which scaling a and inv")
+
+
+def test_nothing_is_known():
+    assert words([1e-3 * BASIS[0]], ["a"], prior=[1e4]) == ["a is not determined by the data"]
+
+
+def test_a_hazy_direction_needs_no_prior_to_be_told():
+    """Two that are known to a factor e together, no priors: each by itself a little better than that."""
+    hazy = 0.84 / np.sqrt(2) * BASIS[0] / np.linalg.norm(BASIS[0])
+    sharp = 1e3 * BASIS[1]
+    assert words([hazy + sharp, hazy - sharp], ["a", "b"]) == [
+        "only a / b is determined, not a and b one by one"
+    ]
+
+
 def test_weak_in_strong_company():
     """A direction a millionth as steep as another is still seen if it beats the noise."""
     slopes = [1e6 * BASIS[0], BASIS[1]]
@@ -115,6 +174,50 @@ def test_robust_losses_bound_the_pull():
     pull = Student().weight(far) * far
     assert pull[1] < pull[0] < 0.01
     assert set(LOSSES) == {"squares", "huber", "student"}
+
+
+class Biweight(Loss):
+    """A loss of one's own, which lets go of what is far off."""
+
+    def cost(self, r):
+        return np.where(np.abs(r) < 3, 1.5 * (1 - (1 - r**2 / 9) ** 3), 1.5)
+
+    def weight(self, r):
+        return np.where(np.abs(r) < 3, (1 - r**2 / 9) ** 2, 0.0)
+
+    def slope(self, r):
+        return np.where(np.abs(r) < 3, (1 - r**2 / 9) * (1 - 5 * r**2 / 9), 0.0)
+
+
+@pytest.mark.parametrize("loss", [*LOSSES.values(), Biweight()])
+def test_the_mean_square_of_normal_residuals_is_one(loss):
+    r = np.random.default_rng(0).normal(size=(200_000, 2)) * [1.0, 1.0]
+    np.testing.assert_allclose(loss.mean_square(r, 0), 1.0, atol=0.02)
+    assert loss.mean_square(r) == pytest.approx(1.0, abs=0.015)
+    missing = np.where(np.arange(len(r)) % 2 == 0, np.nan, r[:, 0])
+    assert loss.mean_square(missing) == pytest.approx(loss.mean_square(r[1::2, 0]), rel=1e-12)
+    assert np.isnan(loss.mean_square(np.array([np.nan]))) and np.isnan(loss.mean_square(np.zeros(0)))
+
+
+@pytest.mark.parametrize("loss", [*LOSSES.values(), Biweight()])
+def test_the_size_of_residuals(loss):
+    """However large they seemed; beside outliers, where what weighs how much hangs on it, too."""
+    rng = np.random.default_rng(0)
+    normal = rng.normal(size=(40_000, 1)) * [0.3, 1.0, 4.0]
+    np.testing.assert_allclose(loss.size(normal, 0), [0.3, 1.0, 4.0], rtol=0.03)
+    wild = np.where(rng.random(20_000) < 0.1, 15.0, 1.0) * rng.normal(size=20_000)
+    size = loss.size(wild)
+    assert isinstance(loss, Squares) or 1.0 < size < 1.25
+    assert loss.mean_square(wild / size) == pytest.approx(1.0, rel=1e-3)
+    assert loss.size(3 * wild) == pytest.approx(3 * size, rel=2e-3)
+    some = np.where(np.arange(20_000) < 10_000, wild, np.nan)
+    assert loss.size(some) == pytest.approx(loss.size(wild[:10_000]), rel=1e-9)
+    assert np.isnan(loss.size(np.array([np.nan]))) and loss.size(np.zeros(5)) < 1e-6
+
+
+def test_the_mean_square_of_squares_is_the_mean_square():
+    r = np.random.default_rng(0).normal(size=30)
+    assert LOSSES["squares"].mean_square(r) == pytest.approx(np.mean(r**2), rel=1e-12)
 
 
 def line(residual, counts=None):
