@@ -9,63 +9,149 @@ from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-Line = NDArray[np.float64]
+from jaxmuscle.estimation.autoregression import Autoregression, burg
 
-ENOUGH_TIMES = 5.0
-"""Autocorrelation times over which an autocorrelation is summed (Sokal 1997)."""
-LONGEST_PART = 0.1
-"""Part of a series over which its autocorrelation is looked at."""
+Line = NDArray[np.float64]
+Counts = Bool[NDArray[np.bool_], " n"]
+Slopes = Float[NDArray, "k n"]
+Matrix = Float[NDArray, "k k"]
+
+ROUNDS = 3
+"""How often the noise is estimated anew with what the fit took from it."""
+SEEN = 1e-11
+"""Eigenvalue of the products of scaled slopes, relative to the largest, from which a direction is seen."""
+NEGLIGIBLE = 1e-3
+"""Part of the noise that a fit may have taken without being given back."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Memory:
-    """How long residuals remember: autocorrelation by lag from 0 on, and its integrated time [samples]."""
+    """How long residuals remember: the noise that they are, and its integrated time [samples].
 
-    autocorrelation: Line
-    time: float
-    lags: int
-
-
-def autocovariance(values: Line, counts: Bool[NDArray[np.bool_], " n"], lags: int) -> Line:
-    """Mean of e(t) e(t+l) over all rows that count, l = 0 … lags.
-
-    Divided by the number of samples, not of pairs: that keeps every spectrum of it above zero.
+    Where readings come regularly but not on every row, a sample is a reading.
     """
+
+    noise: Autoregression
+    time: float
+
+
+def pairs(counts: Counts, lags: int) -> NDArray[np.int64]:
+    """How many pairs of rows l = 0 … lags apart both count."""
+    line = counts.astype(float)
+    found = fftconvolve(line, line[::-1])[len(line) - 1 :]
+    return np.rint(found[: lags + 1]).astype(np.int64)
+
+
+def stride(counts: Counts) -> int:
+    """Largest step of which all distances between rows that count are multiples; 1 for fewer than two."""
+    rows = np.flatnonzero(counts)
+    return int(np.gcd.reduce(np.diff(rows))) if len(rows) > 1 else 1
+
+
+def autocovariance(values: Line, counts: Counts, lags: int) -> Line:
+    """Mean of e(t) e(t+l) over the pairs of rows that both count, l = 0 … lags; zero where there is none."""
     lags = min(lags, len(values) - 1)
     line = np.where(counts, values, 0.0)
     full = fftconvolve(line, line[::-1])[len(line) - 1 :]
-    return full[: lags + 1] / max(int(counts.sum()), 1)
+    return full[: lags + 1] / np.maximum(pairs(counts, lags), 1)
 
 
-def memory(values: Line, counts: Bool[NDArray[np.bool_], " n"]) -> Memory:
-    r"""Integrated autocorrelation time :math:`τ = 1 + 2 \sum_{l ≤ L} ρ(l)`, L the first lag ≥ 5 τ.
+def memory(
+    values: Line, counts: Counts, slopes: Slopes | None = None, inverse: Matrix | None = None
+) -> Memory:
+    r"""Integrated autocorrelation time :math:`τ = 1 + 2 \sum_l ρ(l)`, at least 1, of the noise they are.
 
-    Sokal, "Monte Carlo methods in statistical mechanics" (1997), section 3. White residuals have τ = 1;
-    n residuals with time τ tell as much as n/τ independent ones.
+    Sokal, "Monte Carlo methods in statistical mechanics" (1997), section 3. White residuals have τ = 1; n
+    residuals with time τ tell as much about a mean as n/τ independent ones. `slopes`, `inverse`: see
+    `coloured_meat`; without them as if nothing had been fitted.
     """
-    longest = max(int(LONGEST_PART * counts.sum()), 1)
-    covariance = autocovariance(values, counts, longest)
-    if not covariance[0] > 0:
-        return Memory(np.ones(1), 1.0, 0)
-    rho = covariance / covariance[0]
-    sums = 2 * np.cumsum(rho) - 1
-    enough = np.flatnonzero(np.arange(len(rho)) >= ENOUGH_TIMES * np.maximum(sums, 1.0))
-    last = int(enough[0]) if enough.size else len(rho) - 1
-    return Memory(rho[: last + 1], float(max(sums[last], 1.0)), last)
+    rows = _rows(counts)
+    given = np.zeros((0, len(values))) if slopes is None else slopes
+    noise = _noise(given[:, rows], values[rows], counts[rows], inverse)
+    return Memory(noise, max(noise.time, 1.0))
 
 
 def coloured_meat(
-    slopes: Float[NDArray, "k n"], values: Line, counts: Bool[NDArray[np.bool_], " n"]
+    slopes: Slopes, values: Line, counts: Counts, inverse: Matrix | None = None
 ) -> Float[NDArray, "k k"]:
     r"""Covariance of the score Σ J e of coloured residuals: :math:`\sum_{t,s} J_t\,γ(t-s)\,J_s^T`.
 
     Morelli and Klein, "Accuracy of aerodynamic model parameters estimated from flight test data", J.
-    Guidance, Control, and Dynamics 20 (1997), equation 19. γ is the sample autocovariance up to twice the lag
-    that its autocorrelation time asks for, tapered linearly (Bartlett), which keeps the result positive.
+    Guidance, Control, and Dynamics 20 (1997), equation 19. γ is that of an autoregression whose order the
+    data choose, as in den Haan and Levin, "A practitioner's guide to robust covariance matrix estimation",
+    Handbook of Statistics 15 (1997): positive semidefinite, with or without gaps.
+
+    Residuals are less than the noise by what the fit took from it, most at the low frequencies that slow
+    slopes J can follow: of noise with covariance Γ it leaves R Γ R, :math:`R = (1 - J^T A^{-1} J)^{1/2}`
+    (where J alone makes A, the projection 1 - JᵀA⁻¹J). Γ - R Γ R by the noise found so far is added to the
+    products of the residuals, and the noise estimated anew: Worsley and others, "A general statistical
+    analysis for fMRI data", NeuroImage 15 (2002), there by autocovariances.
+
+    Args:
+        slopes, values: zero on rows that do not count.
+        inverse: of the information matrix A of all that was fitted together; `None` if this was all.
     """
-    found = memory(values, counts)
-    lags = min(2 * found.lags, len(values) - 1)
-    gamma = autocovariance(values, counts, lags) * (1 - np.arange(lags + 1) / (lags + 1))
-    kernel = np.concatenate([gamma[:0:-1], gamma])
-    spread = fftconvolve(slopes, kernel[None], mode="full", axes=1)[:, lags : lags + slopes.shape[1]]
-    return spread @ slopes.T
+    rows = _rows(counts)
+    slopes, values, counts = slopes[:, rows], values[rows], counts[rows]
+    noise = _noise(slopes, values, counts, inverse)
+    return _through(noise, slopes) @ slopes.T
+
+
+def _rows(counts: Counts) -> slice:
+    """The rows on which a sensor slower than the clock is read; all of them otherwise."""
+    step = stride(counts)
+    return slice(int(np.argmax(counts)) % step, None, step)
+
+
+def _through(noise: Autoregression, slopes: Slopes) -> Slopes:
+    """Rows times the covariance matrix Γ of the noise."""
+    count = slopes.shape[1]
+    gamma = noise.covariances(count)
+    both = np.concatenate([gamma[:0:-1], gamma])[None]
+    return fftconvolve(slopes, both, axes=1)[:, count - 1 : 2 * count - 1]
+
+
+def _noise(slopes: Slopes, values: Line, counts: Counts, inverse: Matrix | None) -> Autoregression:
+    """Noise that leaves such residuals when so much is fitted to it."""
+    residual, number = np.where(counts, values, 0.0)[None], int(counts.sum())
+    noise = burg(residual, np.ones(1), counts, range(round(number ** (1 / 3)) + 1))
+    followed, part = _followed(slopes, inverse)
+    order = len(noise.reflections)
+    for _ in range(ROUNDS if len(part) else 0):
+        taken, signs = _taken(noise, followed, part, counts)
+        if signs @ (taken**2).sum(axis=1) <= NEGLIGIBLE * number * noise.variance:
+            break
+        both = np.concatenate([residual, taken]), np.concatenate([np.ones(1), signs])
+        noise = burg(*both, counts, range(order, order + 1))
+    return noise
+
+
+def _followed(slopes: Slopes, inverse: Matrix | None) -> tuple[Slopes, Line]:
+    """Orthonormal directions that a fit can follow, and the part of noise in each that it does."""
+    size = np.linalg.norm(slopes, axis=1)
+    size = np.where(size > 0, size, 1.0)
+    scaled = slopes / size[:, None]
+    values, across = np.linalg.eigh(scaled @ scaled.T)
+    seen = values > SEEN * values.max(initial=0.0)
+    root, across = np.sqrt(values[seen]), across[:, seen]
+    along = (across / root).T @ scaled
+    if inverse is None:
+        return along, np.ones(len(along))
+    mixing = size[:, None] * across * root
+    part, turned = np.linalg.eigh(mixing.T @ inverse @ mixing)
+    return turned.T @ along, np.clip(part, 0.0, 1.0)
+
+
+def _taken(noise: Autoregression, followed: Slopes, part: Line, counts: Counts) -> tuple[Slopes, Line]:
+    """Γ - R Γ R as series of which the products add up, and the signs with which they do.
+
+    With R = 1 - DᵀV it is DᵀB + BᵀD, B = VΓ - V Γ Vᵀ D/2: half the squares of D + B less those of D - B.
+    """
+    along = (1 - np.sqrt(1 - part))[:, None] * followed
+    through = _through(noise, followed) * counts
+    beside = through - followed @ through.T @ along / 2
+    # Of the same size, so that the two hardly cancel.
+    size = np.sqrt(max(noise.variance, 1e-300))
+    along, beside = along * size, beside / size
+    both = np.concatenate([along + beside, along - beside]) / np.sqrt(2)
+    return both, np.repeat([1.0, -1.0], len(part))

@@ -66,17 +66,19 @@ def covariance(
     size = len(unknowns)
     prior = np.diag(unknowns.prior_slopes**2)
     bread, white, meat, clusters = prior.copy(), prior.copy(), prior.copy(), []
-    times = {}
-    for line in lines:
-        psi = loss.weight(line.residual) * line.residual
+    errors = [loss.weight(line.residual) * line.residual for line in lines]
+    for line, psi in zip(lines, errors, strict=True):
         curving = float(loss.slope(line.residual)[line.counts].mean()) if line.counts.any() else 1.0
         products = line.slopes @ line.slopes.T
         bread += max(curving, 0.05) * products
         white += float((psi**2).sum()) / max(int(line.counts.sum()), 1) * products
-        meat += coloured_meat(line.slopes, psi, line.counts)
-        times[line.recording, line.column] = memory(psi, line.counts).time
         clusters.append(((line.recording, line.window), line.slopes * psi))
-    space = _Space(bread, fixed)
+    space, times = _Space(bread, fixed), {}
+    for line, psi in zip(lines, errors, strict=True):
+        # What is fitted to all lines together takes little from each.
+        meat += coloured_meat(line.slopes, psi, line.counts, space.inverse)
+        remembered = memory(psi, line.counts, line.slopes, space.inverse)
+        times[line.recording, line.column] = remembered.time
     grouped = _by_window(clusters, size)
     groups = len(grouped)
     independent, coloured = space.sandwich(white), space.sandwich(meat)

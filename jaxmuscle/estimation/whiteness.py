@@ -6,10 +6,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from jaxmuscle.estimation.correlation import autocovariance
+from jaxmuscle.estimation.correlation import autocovariance, coloured_meat, pairs, stride
 from jaxmuscle.estimation.series import Series
 
 LAGS = 25
@@ -17,6 +18,10 @@ CONFIDENCE = 0.99
 """Of the bands and of the joint tests."""
 NORMAL = 2.5758
 """Quantile of the normal distribution that belongs to it."""
+FEWEST = 20
+"""Pairs of readings from which an autocorrelation is looked at."""
+DISTINCT = 1e-2
+"""Singular value of the shifted inputs, relative to the largest, from which they are told apart."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,42 +51,56 @@ class ResidualTest:
     @property
     def outside(self) -> float:
         """Part of the lags outside the band; 1 % is to be expected."""
-        return float((np.abs(self.correlation) > self.band).mean())
+        return float((np.abs(self.correlation) > self.band).mean()) if len(self.lags) else 0.0
 
 
 def whiteness(line: Series, label: str) -> ResidualTest:
-    """Autocorrelation at lags 1 … 25 (Box and Pierce; Ljung, System Identification 16.5)."""
-    n = int(line.counts.sum())
-    gamma = autocovariance(line.residual, line.counts, LAGS)
-    rho = gamma[1:] / max(gamma[0], 1e-300)
-    lags = np.arange(1, len(gamma))
-    statistic = n * (n + 2) * float((rho**2 / np.maximum(n - lags, 1)).sum())
-    band = np.full(len(rho), NORMAL / np.sqrt(max(n, 1)))
-    return ResidualTest(label, line.column, "itself", lags, rho, band, float(chi2.sf(statistic, len(rho))))
+    r"""Autocorrelation at the lags 1 … 25 (Box and Pierce; Ljung, System Identification 16.5).
+
+    Over n readings, at every lag by the m(l) pairs of them: :math:`Q = (n + 2)/n \sum_l m(l) ρ(l)^2`, that of
+    Ljung and Box (1978) where no reading is missing (Stoffer and Toloi, Statistics and Probability Letters 13
+    (1992), for series with gaps). Lags of fewer than 20 pairs are left out; of a sensor that is slower
+    than the clock they are multiples of its own step.
+    """
+    n, lags = int(line.counts.sum()), _lags(line.counts)
+    last = int(lags.max(initial=0))
+    gamma, many = autocovariance(line.residual, line.counts, last), pairs(line.counts, last)[lags]
+    rho = gamma[lags] / max(gamma[0], 1e-300)
+    statistic = (n + 2) / n * float((many * rho**2).sum())
+    p_value = float(chi2.sf(statistic, len(lags))) if len(lags) else 1.0
+    return ResidualTest(label, line.column, "itself", lags, rho, NORMAL / np.sqrt(many), p_value)
 
 
 def independence(line: Series, label: str, name: str, given: NDArray[np.float64]) -> ResidualTest:
     r"""Cross-correlation of the residuals with an input at lags -5 … 20.
 
-    Ljung, System Identification (1999) 16.6: :math:`\sqrt{N} R_{εu}(τ)` is normal with variance
-    :math:`\sum_l R_ε(l) R_u(l)`, which allows for residuals that are not white.
+    Ljung, System Identification (1999) 16.6: :math:`\sqrt{N} R_{εu}(τ)` is normal with the variance
+    :math:`\sum_{t,s} u(t-τ) R_v(t-s) u(s-τ) / N` over the rows that count, which allows for residuals that
+    are not white. v are the residuals without their regression on the input at these lags: a dependence on
+    the input is no noise, in which a slow input would hide it.
+
+    The largest squared correlation over its variance is below that of the best combination of all lags,
+    which is χ² with as many degrees of freedom as the shifted inputs have directions; this or Bonferroni's
+    bound, whichever is sharper, gives the p-value.
     """
     counts = line.counts
-    n = int(counts.sum())
-    centred = np.where(counts, given - given[counts].mean(), 0.0)
     residual = np.where(counts, line.residual, 0.0)
     lags = np.arange(-5, LAGS - 4)
-    cross = np.array([_shifted_product(centred, residual, int(lag)) for lag in lags]) / n
-    many = min(4 * LAGS, len(given) - 1)
-    own, of_input = autocovariance(residual, counts, many), autocovariance(centred, counts, many)
-    products = own * of_input * (1 - np.arange(many + 1) / (many + 1))
-    variance = max(float(products[0] + 2 * products[1:].sum()), 0.05 * float(products[0])) / n
-    scale = np.sqrt(max(own[0] * of_input[0], 1e-300))
-    band = np.full(len(lags), NORMAL * np.sqrt(variance) / scale)
-    # Neighbouring lags of a smooth input tell the same: the largest one, by Bonferroni.
-    largest = float(np.abs(cross).max() ** 2 / max(variance, 1e-300))
-    p_value = min(1.0, len(lags) * float(chi2.sf(largest, 1)))
-    return ResidualTest(label, line.column, name, lags, cross / scale, band, p_value)
+    shifted = _shifted(given - given[counts].mean(), lags) * counts
+    values, across = np.linalg.eigh(shifted @ shifted.T)
+    # Neighbouring lags of a smooth input tell the same.
+    told = values > DISTINCT**2 * values[-1]
+    weights = across[:, told] * np.sqrt(values[told])
+    along = (across[:, told] / np.sqrt(values[told])).T @ shifted
+    own = residual - along.T @ (along @ residual)
+    meat = coloured_meat(along, own, counts)
+    variance = np.maximum(np.einsum("ij,jk,ik->i", weights, meat, weights), 1e-300)
+    cross = weights @ (along @ residual)
+    scale = max(np.linalg.norm(residual) * np.linalg.norm(shifted[5]), 1e-300)
+    largest = float((cross**2 / variance).max())
+    bounds = len(lags) * float(chi2.sf(largest, 1)), float(chi2.sf(largest, int(told.sum())))
+    band = NORMAL * np.sqrt(variance) / scale
+    return ResidualTest(label, line.column, name, lags, cross / scale, band, min(*bounds, 1.0))
 
 
 def residual_tests(
@@ -96,7 +115,8 @@ def residual_tests(
     for line in lines:
         if int(line.counts.sum()) <= 2 * LAGS or not np.any(line.residual):
             continue
-        found.append(whiteness(line, labels[line.recording]))
+        if len(_lags(line.counts)):
+            found.append(whiteness(line, labels[line.recording]))
         found += [
             independence(line, labels[line.recording], name, values)
             for name, values in inputs[line.recording].items()
@@ -105,8 +125,15 @@ def residual_tests(
     return tuple(found)
 
 
-def _shifted_product(given: NDArray[np.float64], residual: NDArray[np.float64], lag: int) -> float:
-    """Σ residual(t + lag) given(t)."""
-    if lag >= 0:
-        return float(residual[lag:] @ given[: len(given) - lag])
-    return float(residual[:lag] @ given[-lag:])
+def _lags(counts: Bool[NDArray[np.bool_], " n"]) -> NDArray[np.int64]:
+    """Lags at which enough pairs of rows count."""
+    lags = stride(counts) * np.arange(1, LAGS + 1)
+    lags = lags[lags < len(counts)]
+    return lags[pairs(counts, int(lags.max(initial=0)))[lags] >= FEWEST]
+
+
+def _shifted(given: NDArray[np.float64], lags: NDArray[np.int64]) -> Float[NDArray, "lags n"]:
+    """given(t - lag), zero before its beginning and after its end."""
+    n, reach = len(given), int(np.abs(lags).max())
+    padded = np.pad(given, reach)
+    return np.stack([padded[reach - lag : reach - lag + n] for lag in lags])
