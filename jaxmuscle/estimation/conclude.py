@@ -66,7 +66,7 @@ def conclude(
         cost=found.best.cost,
         samples=objective.samples,
         code=found.best.code,
-        starts=outcomes(found),
+        starts=outcomes(found, sure),
         profiles=tuple(curves),
         undetermined=combinations,
         idle=idle,

@@ -18,6 +18,8 @@ Matrix = Float[NDArray, "k k"]
 
 SINGULAR = 1e-11
 """Eigenvalue of the scaled information matrix, relative to the largest, below which nothing is known."""
+PARTS = 20
+"""Parts of a single window whose scores are taken for independent of each other."""
 OUTSIDE = 1e-6
 """Share of a parameter in what is not known, squared, from which it has no standard deviation."""
 
@@ -29,7 +31,7 @@ class Covariance:
     Attributes:
         independent: as if the residuals were white, of the size that they have.
         coloured: allowing for their autocorrelation too.
-        windows: allowing for any correlation within a window of prediction; zeros with fewer than two.
+        windows: allowing for any correlation within a window of prediction, or a twentieth of the only one.
         states: allowing for the states with which windows begin, as uncertain as they are.
         std: the largest of the four; infinite where the data and the priors leave a parameter open.
         assumed: (JᵀJ)⁻¹ as if the noise were white and what it was said to be: how the cost curves.
@@ -139,13 +141,26 @@ class _Space:
 
 
 def _by_window(clusters: list, size: int) -> Float[NDArray, "groups k"]:
-    """Score of every window: all columns of a recording's window together."""
+    """Score of every window, or of every part of the only one: all columns of a recording together."""
+    groups = [(recording, window) for (recording, window), _ in clusters]
+    if (
+        len({(recording, int(i)) for recording, window in groups for i in np.unique(window[window >= 0])})
+        == 1
+    ):
+        groups = list(zip((r for r, _ in groups), _parts([w for _, w in groups]), strict=True))
     totals: dict[tuple[int, int], NDArray] = {}
-    for (recording, window), score in clusters:
+    for (recording, window), (_, score) in zip(groups, clusters, strict=True):
         for number in np.unique(window[window >= 0]):
             key = (recording, int(number))
             totals[key] = totals.get(key, np.zeros(size)) + score[:, window == number].sum(axis=1)
     return np.array(list(totals.values())).reshape(-1, size)
+
+
+def _parts(windows: Sequence[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    """For each column the numbers of the parts of the only window, -1 outside."""
+    rows = np.flatnonzero(np.any([window >= 0 for window in windows], axis=0))
+    number = (np.arange(len(windows[0])) - rows[0]) * PARTS // (rows[-1] + 1 - rows[0])
+    return [np.where(window >= 0, number, -1) for window in windows]
 
 
 def _roots(matrix: Matrix) -> Float[NDArray, " k"]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.fitted import Fitted, StartOutcome
-from jaxmuscle.estimation.lane import FAILED
+from jaxmuscle.estimation.lane import FAILED, Lane
 from jaxmuscle.estimation.search import Found
 from jaxmuscle.estimation.settled import settled
 from jaxmuscle.estimation.unknowns import Unknowns
@@ -18,6 +18,9 @@ from jaxmuscle.estimation.unknowns import Unknowns
 ALIKE = 0.5
 """Distance of two costs per mean square residual up to which two starts reached one minimum: of points that
 far apart in cost the data cannot tell which is nearer to the truth."""
+BESIDE, RUGGED = 1.0, 0.01
+"""Standard deviations between two ends in every parameter, and part of their cost, up to which both are
+in one minimum too: where dry friction sticks and slips, the cost is rugged by as much."""
 
 
 def fitted(
@@ -66,7 +69,7 @@ def correlations(sure: Covariance, unknowns: Unknowns, ends: NDArray[np.int64]) 
     return table.loc[inner, inner]
 
 
-def outcomes(found: Found) -> tuple[StartOutcome, ...]:
+def outcomes(found: Found, sure: Covariance) -> tuple[StartOutcome, ...]:
     """Where each start ended, and whether the data can tell that from the best."""
     unknowns = found.objective.unknowns
     scale = max(2 * found.best.cost / max(found.limits.samples, 1), 1e-6)
@@ -79,7 +82,12 @@ def outcomes(found: Found) -> tuple[StartOutcome, ...]:
             lane.code,
             lane.reason,
             lane.steps,
-            lane.code != FAILED and lane.cost - found.best.cost <= ALIKE * scale,
+            lane.code != FAILED and _alike(lane, found.best, scale, sure.std),
         )
         for point, lane in zip(found.points, found.lanes, strict=True)
     )
+
+
+def _alike(lane: Lane, best: Lane, scale: float, std: NDArray[np.float64]) -> bool:
+    beside = bool((np.abs(lane.u - best.u) <= BESIDE * std).all()) and lane.cost <= (1 + RUGGED) * best.cost
+    return beside or lane.cost - best.cost <= ALIKE * scale

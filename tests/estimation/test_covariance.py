@@ -132,3 +132,21 @@ def test_gaps_do_not_count():
     rng = np.random.default_rng(4)
     values, counts = rng.normal(size=400) + 5.0, rng.random(400) < 0.5
     assert autocovariance(values, counts, 3)[0] == pytest.approx((values[counts] ** 2).mean())
+
+
+def test_a_single_window_is_taken_in_parts():
+    """Errors that go together where slopes are large: neither white nor stationary noise shows them."""
+    rng, held = np.random.default_rng(3), []
+    rows, burst = 600, np.zeros(600)
+    burst[::60] = 1.0
+    shape = np.convolve(burst, np.ones(15))[:rows]
+    for _ in range(150):
+        jumps = np.repeat(rng.normal(size=10), 60)
+        residual = 0.3 * rng.normal(size=rows) + 2.0 * jumps * (shape > 0)
+        slopes = shape[None]
+        off = residual @ shape / (shape @ shape)
+        line = Series(0, "y", "y", np.ones(rows, bool), residual - off * shape, slopes, np.zeros(rows, int))
+        found = covariance([line], unknowns(count=1), Squares(), np.zeros(1, bool))
+        held.append([abs(off) < 1.96 * std[0] for std in (found.windows, found.independent)])
+    parts, independent = np.mean(held, axis=0)
+    assert parts > 0.85 and independent < 0.6
