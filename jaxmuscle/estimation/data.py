@@ -24,7 +24,8 @@ class FitData:
     Attributes:
         actuator: the fitted machine, in the first recording; `actuators` in each.
         parameters: name → fitted value.
-        correlations: between the parameters; those at a bound have none.
+        correlations: between the parameters, by the rule for coloured residuals (`Fitted.coloured`),
+            whichever of the rules gave `std`; those at a bound have none.
         cost: loss of all weighted residuals and priors.
         code: "converged", "stalled" (no step lowers the cost any more), "steps" or "budget" (best so far).
         starts: outcome of every start, in their order.
@@ -72,7 +73,10 @@ class FitData:
 
     @property
     def covariance(self) -> pd.DataFrame:
-        """Of the fitted values (SI)."""
+        """Of the fitted values (SI): `correlations` times `std`, each the largest that a rule gives.
+
+        Of combinations it may say too much or too little where that is another rule than the coloured one.
+        """
         std = np.array([self.std[name] for name in self.correlations.index])
         with np.errstate(invalid="ignore"):  # an infinite one has no covariance with others
             return self.correlations * std[:, None] * std[None, :]
