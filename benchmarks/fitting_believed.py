@@ -49,7 +49,7 @@ def coverage(case: Case, repeats: int) -> dict[str, Any]:
         "seconds": time.perf_counter() - begin,
     }
     why = "the standard deviations are too small" if ours < LEAST else (
-        "wider than need be: the largest of three standard deviations is taken"
+        "wider than need be: the largest of four standard deviations is taken"
     )  # fmt: skip
     return row if row["ok"] else {**row, "why": why}
 
