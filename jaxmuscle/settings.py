@@ -91,4 +91,6 @@ def _silenced(environment: MutableMapping[str, str], jax: Any) -> bool:
     # The level of XLA's own log stays where it is put; that of Python's goes back.
     jax.config.update("jax_logging_level", "ERROR")
     jax.config.update("jax_logging_level", level)
+    # Processes begun by this one inherit the options, and are to be as quiet.
+    environment[LOG] = "2"
     return True

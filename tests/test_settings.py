@@ -94,6 +94,7 @@ def test_warnings_of_a_jax_that_is_there_already(level, given, options):
     ours = given == "1" and level in (None, "NOTSET")
     told = [("jax_logging_level", "ERROR"), ("jax_logging_level", level)] if ours else []
     assert updates == [("jax_enable_x64", True), *told]
+    assert flags[LOG] == ("2" if ours else given)
 
 
 DERIVATIVES = """
@@ -125,6 +126,20 @@ def test_intermediate_results_lie_apart_and_nothing_is_said_of_it(tmp_path, firs
     temporary = [heap for heap in heaps if "preallocated-temp" in heap.split("\n")[0]]
     places = [set(re.findall(r"\(size=\d+,offset=\d+\)", heap)) for heap in temporary]
     assert len(places) > 5 and all(len(each) == 1 for each in places)
+
+
+@pytest.mark.parametrize(("first", "second"), [("jax", "jaxmuscle"), ("jaxmuscle", "jax")])
+def test_processes_begun_by_this_one_are_as_quiet(first, second):
+    """They inherit the options: workers had filled the screen with warnings."""
+    environment = {**os.environ, "XLA_FLAGS": "", "JAX_ENABLE_COMPILATION_CACHE": "false"}
+    environment.pop(LOG, None)
+    inner = DERIVATIVES.format(first=first, second=second)
+    program = f"import {first}, {second}, subprocess, sys\n"
+    program += f"subprocess.run([sys.executable, '-c', {inner!r}], check=True)"
+    told = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "per-heap" not in told.stderr
 
 
 def test_an_xla_that_is_not_known_gets_no_options(monkeypatch):
