@@ -56,7 +56,7 @@ def smooth(
     for window in np.unique(widths):
         here, kernel = widths == window, savgol_coeffs(window, ORDER, deriv=derivative, delta=step)
         if twice and derivative == 0:
-            estimate[here] += savgol_filter(left, window, ORDER)[here]
+            estimate[here] += np.asarray(savgol_filter(left, window, ORDER))[here]
             kernel = 2 * np.pad(kernel, window // 2) - np.convolve(kernel, kernel)
         spread[here] = noise * float(np.sqrt((kernel**2).sum()))
     return estimate, spread
