@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.residuals import BROKEN, evaluate
@@ -38,10 +37,8 @@ def state_scores(objective: Objective, u: Line, lines: list[Series]) -> Float[ND
 
 def _changes(objective: Objective, number: int, u: Line) -> list[dict[str, Line]]:
     """Output → change of its residuals, for each rate and each reason of its uncertainty."""
-    station, index = objective.stations[number], objective.unknowns.acting_on(number)
-    paths = [objective.unknowns.entries[i].place.path for i in index]
-    values = [jnp.asarray(x) for x in objective.unknowns.values(u)[index]]
-    machine, problem = moved(station.actuator, station.problem, paths, values)
+    station = objective.stations[number]
+    machine, problem = objective.moved(number, u)
 
     def residuals(name: str, rates: Line) -> dict[str, Line]:
         measured = {**problem.track.measured, name: jnp.asarray(rates)}

@@ -3,31 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import NDArray
 
-from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.fitted import Fitted
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.minimum import Minimum
 from jaxmuscle.estimation.profile import QUANTILE
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.unknowns import Unknowns
-
-Vector = NDArray[np.float64]
 
 
-def with_inner_ends(
-    parameters: Mapping[str, Fitted],
-    lines: Sequence[Series],
-    unknowns: Unknowns,
-    loss: Loss,
-    u: Vector,
-    ends: NDArray[np.int64],
-    scores: Float[NDArray, "sources k"] | None = None,
-) -> dict[str, Fitted]:
+def with_inner_ends(parameters: Mapping[str, Fitted], minimum: Minimum) -> dict[str, Fitted]:
     r"""The parameters, with the inner end of the interval of each that is at a bound.
 
     The likelihood ratio on the allowed side: inwards by t the deviance rises by :math:`(2 g t + h t^2)/e`,
@@ -35,17 +20,16 @@ def with_inner_ends(
     left there), e the excess of the variance over that of independent residuals. It is 3.84 where the
     interval ends. Intervals of 95 % hold a truth at the bound, or near it, at least as often as that
     (Self and Liang 1987, case 5).
-
-    Args:
-        u: coordinates of the values; `ends`: -1 for those at a lower bound, 1 at an upper one, else 0.
-        lines, scores: as of :func:`jaxmuscle.estimation.covariance.covariance`.
     """
-    found = dict(parameters)
+    found, unknowns, u, ends = dict(parameters), minimum.unknowns, minimum.u, minimum.ends
     for i in np.flatnonzero(ends):
-        others = ends != 0
+        others = minimum.held
         others[i] = False
-        sure = covariance(lines, unknowns, loss, others, scores)
-        slope = sum(float(line.slopes[i] @ (loss.weight(line.residual) * line.residual)) for line in lines)
+        sure = minimum.covariance(others)
+        scored = [
+            line.slopes[i] @ (minimum.loss.weight(line.residual) * line.residual) for line in minimum.lines
+        ]
+        slope = float(sum(scored))
         slope += float(unknowns.prior_residuals(u)[i] * unknowns.prior_slopes[i])
         # Where the minimum would be without the bound: so far outside.
         outside = -ends[i] * slope * sure.assumed[i] ** 2

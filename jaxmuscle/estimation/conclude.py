@@ -13,9 +13,9 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.begun import state_scores
 from jaxmuscle.estimation.bounded import with_inner_ends
 from jaxmuscle.estimation.conflict import with_conflicts
-from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.entries import correlations, fitted, outcomes
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
+from jaxmuscle.estimation.minimum import Minimum
 from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.profile import profiles
@@ -41,8 +41,8 @@ def conclude(
     progress("judging the fit")
     lines, rough = without_rough(objective, u, series(objective, u))
     ends = at_bound(unknowns, u)
-    scores = state_scores(objective, u, lines)
-    sure = covariance(lines, unknowns, objective.loss, ends != 0, scores)
+    minimum = Minimum(u, lines, unknowns, objective.loss, ends, state_scores(objective, u, lines))
+    sure = minimum.covariance()
     idle, combinations = _identifiability(lines, unknowns, u, ends)
     chosen = [i for i, e in enumerate(unknowns.entries) if e.place.name in wanted and not ends[i]]
     if chosen:
@@ -56,8 +56,7 @@ def conclude(
     labels = [station.label for station in objective.stations]
     # Standard deviations of the values, from those of the coordinates.
     parameters = fitted(unknowns, u, sure, ends, unknowns.slopes(u), labels)
-    for judged in (with_inner_ends, with_conflicts):
-        parameters = judged(parameters, lines, unknowns, objective.loss, u, ends, scores)
+    parameters = with_conflicts(with_inner_ends(parameters, minimum), minimum)
     return FitResult(
         actuator=machines[0],
         actuators=machines,

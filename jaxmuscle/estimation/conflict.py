@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.fitted import Fitted
-from jaxmuscle.estimation.losses import Loss
-from jaxmuscle.estimation.series import Series
+from jaxmuscle.estimation.minimum import Minimum
 from jaxmuscle.estimation.unknowns import Unknowns
 
 Vector = NDArray[np.float64]
@@ -24,31 +21,20 @@ HEARD, NEAR = 4e-4, 0.2
 its standard deviations, is not judged: a fit ends within a twentieth of one from the minimum."""
 
 
-def with_conflicts(
-    parameters: Mapping[str, Fitted],
-    lines: Sequence[Series],
-    unknowns: Unknowns,
-    loss: Loss,
-    u: Vector,
-    ends: NDArray[np.int64],
-    scores: Float[NDArray, "sources k"] | None = None,
-) -> dict[str, Fitted]:
+def with_conflicts(parameters: Mapping[str, Fitted], minimum: Minimum) -> dict[str, Fitted]:
     r"""The parameters, with the conflict of each prior that is contradicted.
 
     A value that moved from its prior's mean by d is :math:`d / \sqrt{s^2 - p^2}` standard deviations off, s
     that of the prior, p that of the fit (Evans and Moshonov 2006; Presanis et al. 2013): however narrow the
     prior is. Where that is much, the fit without this prior is looked at, one linear step away, with the
     residuals that it has: those beside a contradicted prior go together and would hide the conflict.
-
-    Args:
-        u: coordinates of the values; `ends`: those at a bound are not 0, and fixed.
-        lines, scores: as of :func:`jaxmuscle.estimation.covariance.covariance`.
     """
-    found, free = dict(parameters), np.flatnonzero(ends == 0)
+    found, unknowns, u = dict(parameters), minimum.unknowns, minimum.u
+    free = np.flatnonzero(~minimum.held)
     away, sharpness = unknowns.prior_residuals(u), unknowns.prior_slopes
     matrix, gradient = np.diag(sharpness**2), away * sharpness
-    for line in lines:
-        weighted = line.slopes * loss.weight(line.residual)
+    for line in minimum.lines:
+        weighted = line.slopes * minimum.loss.weight(line.residual)
         matrix, gradient = matrix + weighted @ line.slopes.T, gradient + weighted @ line.residual
     inner = np.ix_(free, free)
     known = np.diag(np.linalg.pinv(matrix[inner], hermitian=True))
@@ -60,13 +46,17 @@ def with_conflicts(
         own = np.arange(len(u)) == i
         rest, step = matrix - np.diag(own * sharpness**2), np.zeros(len(u))
         step[free] = -np.linalg.pinv(rest[inner], hermitian=True) @ (gradient - own * away * sharpness)[free]
-        moved = [dataclasses.replace(x, residual=x.residual + step @ x.slopes * x.counts) for x in lines]
-        entries = [
-            dataclasses.replace(e, prior=None) if o else e for e, o in zip(unknowns.entries, own, strict=True)
-        ]
-        alone = covariance(moved, Unknowns(entries), loss, ends != 0, scores).std[i]
+        alone = _without_prior(minimum, int(i), step).covariance().std[i]
         far = abs(away[i] + sharpness[i] * step[i]) / np.hypot(1.0, sharpness[i] * alone)
         if far > CONTRADICTED:
             name = unknowns.names[i]
             found[name] = dataclasses.replace(found[name], conflict=float(far))
     return found
+
+
+def _without_prior(minimum: Minimum, i: int, step: Vector) -> Minimum:
+    """A linear step away, and without the prior of the i-th unknown."""
+    lines = [dataclasses.replace(x, residual=x.residual + step @ x.slopes * x.counts) for x in minimum.lines]
+    entries = list(minimum.unknowns.entries)
+    entries[i] = dataclasses.replace(entries[i], prior=None)
+    return dataclasses.replace(minimum, lines=lines, unknowns=Unknowns(entries))

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
+from jaxmuscle.estimation.clusters import window_scores
 from jaxmuscle.estimation.correlation import coloured_meat, memory
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.series import Series
@@ -18,8 +19,6 @@ Matrix = Float[NDArray, "k k"]
 
 SINGULAR = 1e-11
 """Eigenvalue of the scaled information matrix, relative to the largest, below which nothing is known."""
-PARTS = 20
-"""Parts of a single window whose scores are taken for independent of each other."""
 OUTSIDE = 1e-6
 """Share of a parameter in what is not known, squared, from which it has no standard deviation."""
 
@@ -67,21 +66,20 @@ def covariance(
     """
     size = len(unknowns)
     prior = np.diag(unknowns.prior_slopes**2)
-    bread, white, meat, clusters = prior.copy(), prior.copy(), prior.copy(), []
+    bread, white, meat = prior.copy(), prior.copy(), prior.copy()
     errors = [loss.weight(line.residual) * line.residual for line in lines]
     for line, psi in zip(lines, errors, strict=True):
         curving = float(loss.slope(line.residual)[line.counts].mean()) if line.counts.any() else 1.0
         products = line.slopes @ line.slopes.T
         bread += max(curving, 0.05) * products
         white += float((psi**2).sum()) / max(int(line.counts.sum()), 1) * products
-        clusters.append(((line.recording, line.window), line.slopes * psi))
     space, times = _Space(bread, fixed), {}
     for line, psi in zip(lines, errors, strict=True):
         # What is fitted to all lines together takes little from each.
         meat += coloured_meat(line.slopes, psi, line.counts, space.inverse)
         remembered = memory(psi, line.counts, line.slopes, space.inverse)
         times[line.recording, line.column] = remembered.time
-    grouped = _by_window(clusters, size)
+    grouped = window_scores(lines, errors)
     groups = len(grouped)
     independent, coloured = space.sandwich(white), space.sandwich(meat)
     windows = np.zeros((size, size))
@@ -138,29 +136,6 @@ class _Space:
         size = np.sqrt(np.where(self.open, np.diag(self.null), 1.0))
         both = self.open[:, None] & self.open[None, :]
         return np.where(both, self.null / np.outer(size, size), 0.0)
-
-
-def _by_window(clusters: list, size: int) -> Float[NDArray, "groups k"]:
-    """Score of every window, or of every part of the only one: all columns of a recording together."""
-    groups = [(recording, window) for (recording, window), _ in clusters]
-    if (
-        len({(recording, int(i)) for recording, window in groups for i in np.unique(window[window >= 0])})
-        == 1
-    ):
-        groups = list(zip((r for r, _ in groups), _parts([w for _, w in groups]), strict=True))
-    totals: dict[tuple[int, int], NDArray] = {}
-    for (recording, window), (_, score) in zip(groups, clusters, strict=True):
-        for number in np.unique(window[window >= 0]):
-            key = (recording, int(number))
-            totals[key] = totals.get(key, np.zeros(size)) + score[:, window == number].sum(axis=1)
-    return np.array(list(totals.values())).reshape(-1, size)
-
-
-def _parts(windows: Sequence[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
-    """For each column the numbers of the parts of the only window, -1 outside."""
-    rows = np.flatnonzero(np.any([window >= 0 for window in windows], axis=0))
-    number = (np.arange(len(windows[0])) - rows[0]) * PARTS // (rows[-1] + 1 - rows[0])
-    return [np.where(window >= 0, number, -1) for window in windows]
 
 
 def _roots(matrix: Matrix) -> Float[NDArray, " k"]:

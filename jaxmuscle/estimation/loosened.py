@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.fitting.problem import Residuals
 from jaxmuscle.fitting.residuals import BROKEN, evaluate
@@ -39,10 +38,8 @@ def loosened(objective: Objective, u: Line) -> Objective:
 
 
 def _loosened(objective: Objective, number: int, u: Line) -> Station:
-    station, index = objective.stations[number], objective.unknowns.acting_on(number)
-    paths = [objective.unknowns.entries[i].place.path for i in index]
-    values = [jnp.asarray(x) for x in objective.unknowns.values(u)[index]]
-    machine, problem = moved(station.actuator, station.problem, paths, values)
+    station = objective.stations[number]
+    machine, problem = objective.moved(number, u)
 
     def residuals(name: str, states: Line) -> Residuals:
         measured = {**problem.track.measured, name: jnp.asarray(states)}

@@ -11,11 +11,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.divided import Arrays, divided
 from jaxmuscle.estimation.losses import Loss
-from jaxmuscle.estimation.slopes import values_and_slopes
+from jaxmuscle.estimation.slopes import moved, values_and_slopes
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.residuals import BROKEN
 
 Vector = NDArray[np.float64]
@@ -48,6 +50,12 @@ class Objective:
     def samples(self) -> int:
         """Readings that count."""
         return sum(station.samples for station in self.stations)
+
+    def moved(self, number: int, u: Vector) -> tuple[AbstractActuator, Problem]:
+        """Machine and problem of one recording at the coordinates u."""
+        station, index = self.stations[number], self.unknowns.acting_on(number)
+        values = [jnp.asarray(x) for x in self.unknowns.values(u)[index]]
+        return moved(station.actuator, station.problem, self.paths(number), values)
 
     def at(self, points: Float[NDArray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""
@@ -107,11 +115,13 @@ class Objective:
     ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
         """Residuals of one recording and their derivatives by the values (SI) that act on it."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
-        paths = tuple(self.unknowns.entries[i].place.path for i in index)
-
         thetas = jnp.asarray(self.unknowns.values(points)[:, index])
-        found = values_and_slopes(thetas, station.actuator, station.problem, paths)  # pyright: ignore
+        found = values_and_slopes(thetas, station.actuator, station.problem, self.paths(number))  # pyright: ignore
         r, slopes = (np.asarray(each) for each in found)
         with np.errstate(over="ignore", invalid="ignore"):
             sound = np.isfinite(slopes.sum())
         return r, slopes if sound else np.where(np.isfinite(slopes), slopes, 0.0)
+
+    def paths(self, number: int) -> tuple[str, ...]:
+        """Where in the machine and its sensors the values act on one recording."""
+        return tuple(self.unknowns.entries[i].place.path for i in self.unknowns.acting_on(number))

@@ -84,7 +84,7 @@ def _change(
 def _at_steps(objective: Objective, number: int, u: NDArray[np.float64], times: int) -> NDArray[np.float64]:
     """Residuals of one recording with so many times the solver's steps."""
     station, index = objective.stations[number], objective.unknowns.acting_on(number)
-    paths = tuple(objective.unknowns.entries[i].place.path for i in index)
+    paths = objective.paths(number)
     theta, often = jnp.asarray(objective.unknowns.values(u)[index]), jnp.asarray(times)
     return np.asarray(_residuals(theta, station.actuator, station.problem, paths, often))  # pyright: ignore
 

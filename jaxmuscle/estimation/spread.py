@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.fitting.problem import Problem, Residuals
 from jaxmuscle.fitting.spread import expected_spread, spread_between
@@ -48,10 +47,8 @@ def variance(actuator: AbstractActuator, problem: Problem, spread: dict[str, Arr
 
 
 def _weighted(objective: Objective, number: int, u: NDArray[np.float64]) -> Station:
-    station, index = objective.stations[number], objective.unknowns.acting_on(number)
-    paths = [objective.unknowns.entries[i].place.path for i in index]
-    values = [jnp.asarray(x) for x in objective.unknowns.values(u)[index]]
-    machine, problem = moved(station.actuator, station.problem, paths, values)
+    station = objective.stations[number]
+    machine, problem = objective.moved(number, u)
     added = variance(machine, problem, station.spread)
     weights = {
         out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + added[out]), 0.0)

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from jaxmuscle.estimation.correlation import autocovariance, coloured_meat, pairs, stride
+from jaxmuscle.estimation.correlation import coloured_meat
+from jaxmuscle.estimation.lags import autocovariance, pairs, stride
 from jaxmuscle.estimation.series import Series
 
 LAGS = 25

@@ -7,6 +7,7 @@ from estimation.linear import ROWS, SLOPES, STD, line, parameters, unknowns
 from jaxmuscle.estimation.bounded import with_inner_ends
 from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.minimum import Minimum
 
 
 def trend_beside(level, readings):
@@ -21,9 +22,9 @@ def interval(readings, lower=-np.inf, upper=np.inf):
     end = -1 if u[0] < lower else 1 if u[0] > upper else 0
     u = trend_beside(lower if end < 0 else upper, readings) if end else u
     inner, given = unknowns(lower=lower, upper=upper), line(u, readings)
-    sure = covariance([given], inner, Squares(), np.array([end != 0, False]))
-    told = parameters(u, lower=lower, upper=upper, std=float(sure.std[0]))
-    found = with_inner_ends(told, [given], inner, Squares(), u, np.array([end, 0]))
+    minimum = Minimum(u, [given], inner, Squares(), np.array([end, 0]))
+    told = parameters(u, lower=lower, upper=upper, std=float(minimum.covariance().std[0]))
+    found = with_inner_ends(told, minimum)
     assert (found["level"].inner is None) == (end == 0) and found["trend"] == told["trend"]
     return found["level"].interval(), given
 

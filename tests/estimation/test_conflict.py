@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from jaxmuscle.estimation.conflict import with_conflicts
 from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.minimum import Minimum
 from jaxmuscle.fitting.free import Prior
 
 
@@ -22,7 +23,7 @@ def conflict(narrow, off, noise=None):
     u = np.linalg.solve(information, right).astype(np.float64)
     told = parameters(u, prior=(prior.mean, std))
     ends = np.zeros(2, dtype=int)
-    found = with_conflicts(told, [line(u, readings)], unknowns(prior), Squares(), u, ends)
+    found = with_conflicts(told, Minimum(u, [line(u, readings)], unknowns(prior), Squares(), ends))
     assert found["trend"] == told["trend"]
     return found["level"].conflict
 

@@ -6,7 +6,8 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from jaxmuscle.estimation.autoregression import Autoregression, burg
-from jaxmuscle.estimation.correlation import autocovariance, coloured_meat, memory, stride
+from jaxmuscle.estimation.correlation import coloured_meat, memory
+from jaxmuscle.estimation.lags import autocovariance, stride
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.whiteness import independence, residual_tests, whiteness
 

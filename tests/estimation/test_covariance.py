@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jaxmuscle.estimation.correlation import autocovariance, coloured_meat, memory
+from jaxmuscle.estimation.correlation import coloured_meat, memory
 from jaxmuscle.estimation.covariance import covariance
+from jaxmuscle.estimation.lags import autocovariance
 from jaxmuscle.estimation.losses import LOSSES, Squares, Student
 from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.series import Series
