@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.exponential import propagator
 from jaxmuscle.parameters import Scalar, parameter
 
 Series = Float[Array, " samples"]
@@ -45,12 +46,10 @@ class SecondOrder(eqx.Module):
             angle, velocity: at the first sample [rad, rad/s].
         """
         a1, a2, b = self.coefficients
-        zero = jnp.zeros(())
-        system = jnp.array([[zero, zero + 1.0, zero], [-a2, -a1, b], [zero, zero, zero]])
-        forward = jax.scipy.linalg.expm(system * jnp.asarray(step))[:2]
+        held = propagator(jnp.array([[jnp.zeros(()), jnp.ones(())], [-a2, -a1]]), jnp.asarray(step))
 
         def advance(state: Array, u: Array) -> tuple[Array, Array]:
-            return forward @ jnp.append(state, u), state[0]
+            return held.whole @ state + held.first[:, 1] * b * u, state[0]
 
         start = jnp.stack([jnp.asarray(angle, dtype=float), jnp.asarray(velocity, dtype=float)])
         return jax.lax.scan(advance, start, command)[1]
