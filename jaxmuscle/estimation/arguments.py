@@ -16,7 +16,7 @@ from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.agreement import check_same_rig, conditions, labels
 from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.layout import known_places, layout
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.missing import Mask, noise_of_readings
 from jaxmuscle.estimation.names import columns, expanded, resolve
 from jaxmuscle.estimation.objective import Objective

@@ -34,7 +34,7 @@ def with_conflicts(parameters: Mapping[str, Fitted], minimum: Minimum) -> dict[s
     away, sharpness = unknowns.prior_residuals(u), unknowns.prior_slopes
     matrix, gradient = np.diag(sharpness**2), away * sharpness
     for line in minimum.lines:
-        weighted = line.slopes * minimum.loss.weight(line.residual)
+        weighted = minimum.loss.weighted(line.slopes, line.residual)
         matrix, gradient = matrix + weighted @ line.slopes.T, gradient + weighted @ line.residual
     inner = np.ix_(free, free)
     known = np.diag(np.linalg.pinv(matrix[inner], hermitian=True))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.clusters import window_scores
 from jaxmuscle.estimation.correlation import coloured_meat, memory
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknowns
 

@@ -19,7 +19,8 @@ from jaxmuscle.estimation.asked import Bounds, PriorLike
 from jaxmuscle.estimation.conclude import conclude
 from jaxmuscle.estimation.kept import as_settings
 from jaxmuscle.estimation.lane import Course
-from jaxmuscle.estimation.losses import Loss, loss_named
+from jaxmuscle.estimation.loss import Loss
+from jaxmuscle.estimation.losses import loss_named
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
 from jaxmuscle.recordings.recording import Recording
@@ -72,7 +73,7 @@ def fit(
         bounds: name → (lower, upper) in SI, `None` on a side without one.
         masks: rows that are bad: for one recording a boolean array or column → array; for several a
             sequence of these, `None` where nothing is bad.
-        loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.losses.Loss`.
+        loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.loss.Loss`.
         noise: column → standard deviation of its sensor, in place of the card's; "estimated" for the size of
             the residuals themselves, in each recording; by default the card's, or what the fourth differences
             of the data show.

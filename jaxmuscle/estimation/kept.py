@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxmuscle.estimation.arguments import Masks, NoiseLike
 from jaxmuscle.estimation.asked import Asked, PriorLike
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.missing import Mask
 from jaxmuscle.fitting.free import Prior
 

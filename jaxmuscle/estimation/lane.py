@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +78,7 @@ class Limits:
     samples: int = 1
     reach: Vector | float = 1.0
 
-    @property
+    @cached_property
     def longest(self) -> Vector:
         """Largest change of each coordinate in one step."""
         return LONGEST_STEP * np.broadcast_to(self.reach, self.lower.shape)

@@ -6,6 +6,8 @@ Gauss-Newton step goes all the way along directions that the data hardly tell.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,14 +39,15 @@ FILLED = 0.9
 
 def advance(lane: Lane, local: Local, limits: Limits) -> None:
     """Take the outcome of a trial into a lane and decide on its next one, or on its end."""
-    finite = np.isfinite(local.cost) and np.isfinite(local.gradient).all() and np.isfinite(local.matrix).all()
+    with np.errstate(invalid="ignore", over="ignore"):
+        finite = math.isfinite(local.cost + local.gradient.sum() + local.matrix.sum())
     if lane.local is None:
         lane.trial, lane.local = None, local
         if not finite or local.broken > 0.5 * limits.samples:
             _fail(lane, "no finite prediction at its start")
             return
-        lane.curvature = np.diag(local.matrix).copy()
-    elif not _accepted(lane, local, bool(finite)):
+        lane.curvature = local.matrix.diagonal().copy()
+    elif not _accepted(lane, local, finite):
         lane.rejected += 1
     lane.costs.append(lane.cost)
     if lane.rejected >= REJECTIONS or _tired(lane, limits):
@@ -68,7 +71,7 @@ def _accepted(lane: Lane, local: Local, finite: bool) -> bool:
     if not ratio > 1e-4:
         return False
     lane.u, lane.local, lane.rejected = lane.trial, local, 0
-    lane.curvature = np.maximum(lane.curvature, np.diag(local.matrix))
+    lane.curvature = np.maximum(lane.curvature, local.matrix.diagonal())
     return True
 
 
@@ -89,18 +92,17 @@ def _propose(lane: Lane, limits: Limits) -> None:
     assert lane.local is not None and lane.curvature is not None
     g, matrix = lane.local.gradient, lane.local.matrix
     stuck = ((lane.u <= limits.lower) & (g > 0)) | ((lane.u >= limits.upper) & (g < 0))
-    free = np.flatnonzero(~(lane.held | stuck) & (np.diag(matrix) > 0))
-    model = (
-        Quadratic(matrix[np.ix_(free, free)], g[free], np.sqrt(lane.curvature[free])) if len(free) else None
-    )
+    free = ~(lane.held | stuck) & (matrix.diagonal() > 0)
+    model = Quadratic(matrix[free][:, free], g[free], np.sqrt(lane.curvature[free])) if free.any() else None
     if model is None or model.fall <= NEAR * _scale(lane, limits):
         _end(lane, CONVERGED)
         return
     first = lane.radius == np.inf
     best = model.damped(FIRST_DAMPING) if first else model.within(lane.radius)
     step = np.zeros_like(g)
-    step[free] = np.clip(best, -limits.longest[free], limits.longest[free])
-    lane.trial = np.clip(lane.u + step, limits.lower, limits.upper)
+    step[free] = best
+    step = np.minimum(np.maximum(step, -limits.longest), limits.longest)
+    lane.trial = np.minimum(np.maximum(lane.u + step, limits.lower), limits.upper)
     moved = lane.trial - lane.u
     lane.size = float(np.sqrt(moved**2 @ lane.curvature))
     lane.radius = lane.size if first else lane.radius

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance, covariance
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknowns
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.divided import Arrays, divided
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.slopes import moved, values_and_slopes
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.estimation.unknowns import Unknowns
@@ -83,7 +83,7 @@ class Objective:
         values = np.where(wrong, 0.0, values)
         # Far from anything sensible a square may be infinite: that start is then given up.
         with np.errstate(over="ignore", invalid="ignore"):
-            rows = slopes * self.loss.weight(values)[:, None]
+            rows = self.loss.weighted(slopes, values)
             # A prediction that is not a number costs the same under every loss.
             cost = self.loss.cost(values).sum(axis=1) + 0.5 * BROKEN**2 * wrong.sum(axis=1)
             gradient = inner * (rows @ values[..., None])[..., 0]

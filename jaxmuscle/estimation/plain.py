@@ -12,7 +12,8 @@ import pandas as pd
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.losses import Huber, Loss, Squares, Student
+from jaxmuscle.estimation.loss import Loss
+from jaxmuscle.estimation.losses import Huber, Squares, Student
 from jaxmuscle.estimation.machines import written_machine
 from jaxmuscle.estimation.toml import NOTHING
 from jaxmuscle.recordings.card import Card

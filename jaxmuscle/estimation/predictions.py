@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.fitted import Noise
-from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.names import OFFSET, of_machine
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.profile import QUANTILE
