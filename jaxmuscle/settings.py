@@ -18,7 +18,7 @@ QUIET = ("2", "3")
 """Its values without warnings; with anything that is not a number XLA tells all."""
 QUIET_LEVELS = ("ERROR", "CRITICAL", "FATAL")
 """Levels of JAX's log, which moves XLA's with it, without warnings."""
-WHOLE = {"--xla_backend_extra_options": f"{SMALL}=120000", f"--{APART}": "0"}
+WHOLE = {"--xla_backend_extra_options": f"{SMALL}=400000", f"--{APART}": "0"}
 r"""On a CPU, XLA compiles a loop whose step touches less than this many bytes into one function (else 1 kB).
 
 Any larger loop it runs kernel by kernel, which is most of the time of a single run, of its derivatives, and
