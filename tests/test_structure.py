@@ -37,7 +37,13 @@ ORDER = (
     "cli",
 )
 """Each imports only from those before it, and from within itself."""
-ON_THE_SIDE = {"samples": {"errors"}, "settings": set(), "cores": set(), "formatting": set()}
+ON_THE_SIDE = {
+    "samples": {"errors"},
+    "settings": set(),
+    "cores": set(),
+    "formatting": set(),
+    "propagator": set(),
+}
 """Data and the like that any may import, and what they may import themselves."""
 DOORS = {
     "diffrax": {"stepping/methods.py", "chebyshev.py", "exponential.py", "runge_kutta.py"},

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,12 +101,7 @@ def diagnose(
 def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> Problem:
     """The training windows, with weights that allow for what the smoothed states leave uncertain."""
     wider = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
-    variance = expected_spread(model, training, wider)
-    weights = {
-        out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + variance[out]), 0.0)
-        for out, w in training.weights.items()
-    }
-    return training.with_weights(weights)
+    return training.allowing(expected_spread(model, training, wider))
 
 
 def _supported(ranking: Ranking) -> Candidate | None:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.estimation.stations import Station
@@ -44,9 +45,9 @@ def _padded(problem: Problem, windows: int, samples: int, rows: int, total: int,
     track = problem.track
     begins = track.begins
     if breaks and begins is None:
-        begins = jnp.zeros(track.command.shape[0], dtype=bool)
+        begins = np.zeros(track.command.shape[0], dtype=bool)
     if begins is not None:
-        begins = jnp.pad(begins, (0, rows - len(begins)))
+        begins = jnp.asarray(np.pad(begins, (0, rows - len(begins))))
     track = dataclasses.replace(
         track,
         command=_longer(track.command, rows),
@@ -56,12 +57,12 @@ def _padded(problem: Problem, windows: int, samples: int, rows: int, total: int,
 
     def filled(values: Array) -> Array:
         more = [(0, windows - values.shape[0]), (0, samples - values.shape[1])]
-        return jnp.pad(values, more + [(0, 0)] * (values.ndim - 2))
+        return jnp.asarray(np.pad(values, more + [(0, 0)] * (values.ndim - 2)))
 
     return dataclasses.replace(
         problem,
         track=track,
-        rows=jnp.pad(problem.rows, (0, windows - len(problem.rows))),
+        rows=jnp.asarray(np.pad(problem.rows, (0, windows - len(problem.rows)))),
         targets={out: filled(values) for out, values in problem.targets.items()},
         weights={out: filled(values) for out, values in problem.weights.items()},
         samples=samples,
@@ -70,4 +71,5 @@ def _padded(problem: Problem, windows: int, samples: int, rows: int, total: int,
 
 
 def _longer(values: Array, rows: int) -> Array:
-    return jnp.pad(values, [(0, rows - values.shape[0])] + [(0, 0)] * (values.ndim - 1), mode="edge")
+    more = [(0, rows - values.shape[0])] + [(0, 0)] * (values.ndim - 1)
+    return jnp.asarray(np.pad(values, more, mode="edge"))

@@ -97,5 +97,5 @@ def _shifted(station: Station, change: NDArray[np.float64]) -> Station:
         part = change[begin : begin + weights.size].reshape(weights.shape)
         begin += weights.size
         off = np.where(weights > 0, part / np.where(weights > 0, weights, 1.0), 0.0)
-        targets[link.output] = targets[link.output] - jnp.asarray(off)
+        targets[link.output] = jnp.asarray(np.asarray(targets[link.output]) - off)
     return dataclasses.replace(station, problem=eqx.tree_at(lambda p: p.targets, problem, targets))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
@@ -38,20 +37,18 @@ def variance(actuator: AbstractActuator, problem: Problem, spread: dict[str, Arr
 
     pairs = {}
     for name in actuator.derivatives:
-        values = problem.track.measured[name]
-        late, early = jnp.concatenate([values[:1], values[:-1]]), jnp.concatenate([values[1:], values[-1:]])
+        values, size = np.asarray(problem.track.measured[name]), np.asarray(spread[name])
+        late, early = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
         turning = late * early <= 0
-        late, early = jnp.where(turning, late, values), jnp.where(turning, early, values)
-        pairs[name] = ((values + spread[name], values - spread[name]), (late, early))
+        late, early = np.where(turning, late, values), np.where(turning, early, values)
+        pairs[name] = ((values + size, values - size), (late, early))
     return spread_between(actuator, problem, pairs)
 
 
 def _weighted(objective: Objective, number: int, u: NDArray[np.float64]) -> Station:
     station = objective.stations[number]
     machine, problem = objective.moved(number, u)
-    added = variance(machine, problem, station.spread)
-    weights = {
-        out: jnp.where(w > 0, 1 / jnp.sqrt(1 / jnp.where(w > 0, w, 1.0) ** 2 + added[out]), 0.0)
-        for out, w in problem.weights.items()
-    }
-    return dataclasses.replace(station, problem=station.problem.with_weights(weights))
+    # An offset moves targets, not weights.
+    return dataclasses.replace(
+        station, problem=station.problem.allowing(variance(machine, problem, station.spread))
+    )

@@ -105,8 +105,7 @@ def station(
     }
     # A sensor without any noise would leave everything to its rounding.
     weights = {
-        out: jnp.where(jnp.isfinite(w), w, 0.0) * jnp.asarray(counts[out])
-        for out, w in problem.weights.items()
+        out: jnp.asarray(np.where(np.isfinite(w), w, 0.0) * counts[out]) for out, w in problem.weights.items()
     }
     return Station(
         label,

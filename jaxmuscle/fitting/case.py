@@ -6,6 +6,7 @@ import dataclasses
 import math
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,13 +40,14 @@ class Case:
     def training(self) -> Problem:
         """Only the windows that are not held out."""
         keep = ~self.windows.held_out
-        select = lambda arrays: {out: values[keep] for out, values in arrays.items()}  # noqa: E731
+        kept = lambda values: jnp.asarray(np.asarray(values)[keep])  # noqa: E731
+        select = lambda arrays: {out: kept(values) for out, values in arrays.items()}  # noqa: E731
         whole = self.problem
         last = int(self.windows.rows[keep].max()) + self.windows.samples
         return eqx.tree_at(
             lambda p: (p.rows, p.targets, p.weights),
             dataclasses.replace(whole, total=min(last, whole.total)),
-            (whole.rows[keep], select(whole.targets), select(whole.weights)),
+            (kept(whole.rows), select(whole.targets), select(whole.weights)),
         )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
 
 from jaxmuscle.fitting.windows import Windows
 from jaxmuscle.recordings.track import Observed
@@ -39,6 +42,21 @@ class Problem(eqx.Module):
         """A copy with other weights."""
         return eqx.tree_at(lambda p: p.weights, self, weights)
 
+    def allowing(self, variance: Mapping[str, ArrayLike]) -> Problem:
+        """A copy with weights that allow for a variance of each number beside the one that they stand for.
+
+        Args:
+            variance: output → variance, of the shape of its weights.
+        """
+        weights = {}
+        for out, w in self.weights.items():
+            own = np.asarray(w)
+            counts = own > 0
+            with np.errstate(divide="ignore"):
+                known = 1 / np.where(counts, own, 1.0) ** 2 + np.asarray(variance[out])
+                weights[out] = jnp.asarray(np.where(counts, 1 / np.sqrt(known), 0.0))
+        return self.with_weights(weights)
+
     def in_parts(self, parts: int) -> Problem:
         """A copy in which every window is predicted in `parts`, each from the measured state.
 
@@ -55,17 +73,19 @@ class Problem(eqx.Module):
 def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
     """Cut `observed` into `windows`, weighted by the sensors' noise."""
     index = np.minimum(windows.rows[:, None] + np.arange(windows.samples), observed.samples - 1)
-    targets = {out: values[index] for out, values in observed.outputs.items()}
-    weights = {
-        out: jnp.asarray(windows.mask).reshape(windows.mask.shape + (1,) * (target.ndim - 2))
-        / jnp.broadcast_to(observed.noise[out], target.shape)
-        for out, target in targets.items()
-    }
+    targets = {out: np.asarray(values)[index] for out, values in observed.outputs.items()}
+    # By NumPy, here and wherever a recording is made ready: JAX would compile every operation by itself.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = {
+            out: windows.mask.reshape(windows.mask.shape + (1,) * (target.ndim - 2))
+            / np.broadcast_to(np.asarray(observed.noise[out]), target.shape)
+            for out, target in targets.items()
+        }
     return Problem(
         observed.track,
         jnp.asarray(windows.rows),
-        targets,
-        weights,
+        {out: jnp.asarray(values) for out, values in targets.items()},
+        {out: jnp.asarray(values) for out, values in weights.items()},
         jnp.asarray(windows.samples),
         windows.samples,
         observed.samples,

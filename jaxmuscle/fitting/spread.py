@@ -6,11 +6,15 @@ from collections.abc import Iterable, Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
+from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.problem import Problem, Residuals
 from jaxmuscle.fitting.residuals import evaluate
+
+Line = NDArray[np.float64]
 
 
 def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[str, Array]) -> Residuals:
@@ -23,13 +27,13 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
     """
     pairs = {}
     for name in actuator.derivatives:
-        values = problem.track.measured[name]
-        pairs[name] = ((values + spread[name], values - spread[name]), _neighbours(values, problem))
+        values, size = np.asarray(problem.track.measured[name]), np.asarray(spread[name])
+        pairs[name] = ((values + size, values - size), _neighbours(values, problem))
     return spread_between(actuator, problem, pairs)
 
 
 def spread_between(
-    actuator: AbstractActuator, problem: Problem, pairs: Mapping[str, Iterable[tuple[Array, Array]]]
+    actuator: AbstractActuator, problem: Problem, pairs: Mapping[str, Iterable[tuple[Line, Line]]]
 ) -> Residuals:
     """Half the difference of the predictions under two values of a measured state, squared and summed.
 
@@ -39,31 +43,34 @@ def spread_between(
         pairs: name of a measured state → pairs of values along the recording, of which each adds a term.
     """
 
-    def predicted(name: str, values: Array) -> Residuals:
-        track = eqx.tree_at(lambda t: t.measured, problem.track, {**problem.track.measured, name: values})
-        return evaluate(actuator, eqx.tree_at(lambda p: p.track, problem, track))  # pyright: ignore
+    def predicted(name: str, values: Line) -> dict[str, Line]:
+        measured = {**problem.track.measured, name: jnp.asarray(values)}
+        found = evaluate(actuator, eqx.tree_at(lambda p: p.track.measured, problem, measured))
+        return {out: np.asarray(each) for out, each in found.items()}
 
-    total = {out: jnp.zeros_like(target) for out, target in problem.targets.items()}
+    total = {out: np.zeros(target.shape) for out, target in problem.targets.items()}
     for name, both in pairs.items():
         for one, other in both:
             up, down = predicted(name, one), predicted(name, other)
             total = {out: total[out] + (0.5 * (up[out] - down[out])) ** 2 for out in total}
-    return {
-        out: jnp.where(w > 0, total[out] / jnp.where(w > 0, w, 1.0) ** 2, 0.0)
-        for out, w in problem.weights.items()
-    }
+    found = {}
+    for out, weights in problem.weights.items():
+        w = np.asarray(weights)
+        found[out] = jnp.asarray(np.where(w > 0, total[out] / np.where(w > 0, w, 1.0) ** 2, 0.0))
+    return found
 
 
-def _neighbours(values: Array, problem: Problem) -> tuple[Array, Array]:
+def _neighbours(values: Line, problem: Problem) -> tuple[Line, Line]:
     """The value a sample before and a sample later; its own where that sample is none that counts.
 
     A held-out sample next to the windows must not reach even their weights.
     """
-    rows = jnp.minimum(problem.rows[:, None] + jnp.arange(problem.samples), len(values) - 1)
-    counted = [(w > 0).reshape(*rows.shape, -1).any(-1) for w in problem.weights.values()]
-    counts = jnp.zeros(len(values), dtype=bool).at[rows].max(sum(counted[1:], start=counted[0]))
-    late = jnp.where(jnp.roll(counts, 1).at[0].set(False).reshape(-1, *[1] * (values.ndim - 1)),
-                     jnp.roll(values, 1, axis=0), values)  # fmt: skip
-    early = jnp.where(jnp.roll(counts, -1).at[-1].set(False).reshape(-1, *[1] * (values.ndim - 1)),
-                      jnp.roll(values, -1, axis=0), values)  # fmt: skip
-    return late, early
+    rows = np.minimum(np.asarray(problem.rows)[:, None] + np.arange(problem.samples), len(values) - 1)
+    counts = np.zeros(len(values), dtype=bool)
+    for weights in problem.weights.values():
+        counts[rows[(np.asarray(weights) > 0).reshape(*rows.shape, -1).any(-1)]] = True
+    along = (-1, *[1] * (values.ndim - 1))
+    before, after = np.roll(counts, 1), np.roll(counts, -1)
+    before[0] = after[-1] = False
+    late = np.where(before.reshape(along), np.roll(values, 1, axis=0), values)
+    return late, np.where(after.reshape(along), np.roll(values, -1, axis=0), values)

@@ -92,7 +92,7 @@ def observed(
         for out, names in actuator.outputs.items()
     }
     as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
-    begins = jnp.zeros(samples, bool).at[np.array(recording.breaks)].set(True) if recording.breaks else None
+    begins = jnp.asarray(np.isin(np.arange(samples), recording.breaks)) if recording.breaks else None
     track = Track(jnp.asarray(step), jnp.asarray(command), as_arrays(measured), begins)
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
 

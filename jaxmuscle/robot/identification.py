@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.exponential import propagator
 from jaxmuscle.parameters import Scalar, parameter
+from jaxmuscle.propagator import propagator
 
 Series = Float[Array, " samples"]
 

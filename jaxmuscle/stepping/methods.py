@@ -14,7 +14,8 @@ from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator, State
 from jaxmuscle.chebyshev import ChebyshevRungeKutta
-from jaxmuscle.exponential import ExponentialHeun, propagator
+from jaxmuscle.exponential import ExponentialHeun
+from jaxmuscle.propagator import propagator
 from jaxmuscle.runge_kutta import RungeKutta
 
 METHODS: dict[str, Callable[[], Any]] = {
