@@ -4,8 +4,8 @@ The lifting bench of the oracles, eight parameters, every one 20 % off at the st
 start, and from twenty, which this package brings down together. All
 minimise one cost: the residuals of both links, window by window, with the same weights, and the priors.
 All times are those of the minimisation alone, up to the first point whose cost is within a thousandth of the
-worst of the minima found: no weights, no error of the solver, no covariance, by nobody. Cold, ours and
-scipy's begin with nothing compiled, CasADi's with nothing built.
+worst of the minima found (from twenty starts, of our best): no weights, no error of the solver, no
+covariance, by nobody. Cold, ours and scipy's begin with nothing compiled, CasADi's with nothing built.
 
 CasADi's derivatives are used by the package's own Gauss-Newton (Levenberg-Marquardt) method, which shows what
 derivatives alone are worth, and by the trust region of scipy.
@@ -123,6 +123,7 @@ def many(objective: Objective, runners: Mapping[str, Callable[[Vector], Trace]])
 
 def together(objective: Objective, starts: NDArray[np.float64], limits: Limits, target: float) -> float:
     """Seconds until the last start has come to this cost; all are under way from the beginning."""
+    assert limits.lanes >= len(starts), "a cost of every start belongs to every round"
     begin, stamps = time.perf_counter(), []
     lanes = descend(objective.at, starts, limits, tell=lambda _: stamps.append(time.perf_counter() - begin))
     rounds = [
@@ -147,16 +148,18 @@ def fifty() -> list[dict[str, Any]]:
     warm = {name: min((run() for _ in range(2)), key=lambda t: t[-1][0]) for name, run in runners.items()}
     found = []
     for state, traces in (("cold", cold), ("warm", warm)):
-        common = measured(traces)
+        common = until_the_target(traces)
         ratio = common["seconds"]["scipy"] / common["seconds"]["ours"]
         row = {"figure": f"fifty parameters: times faster than scipy, {state}", "goal": ">= 10",
                "ours": ratio, "ok": ratio >= 10, **common}  # fmt: skip
-        why = "compilation" if state == "cold" else f"{at_most(common):.1f} if slopes cost nothing"
+        why = (
+            "compilation" if state == "cold" else f"{if_slopes_were_free(common):.1f} if slopes cost nothing"
+        )
         found.append(row if row["ok"] else {**row, "why": why})
     return found
 
 
-def measured(traces: Mapping[str, Trace]) -> dict[str, Any]:
+def until_the_target(traces: Mapping[str, Trace]) -> dict[str, Any]:
     """Seconds and evaluations until all have come to the worst of the minima, and where they ended."""
     target = max(trace[-1][1] for trace in traces.values()) * (1 + SAME)
     there = {
@@ -169,20 +172,22 @@ def measured(traces: Mapping[str, Trace]) -> dict[str, Any]:
     }
 
 
-def at_most(common: Mapping[str, Any]) -> float:
-    """How many times faster than scipy an evaluation with slopes would be that takes no longer than a run."""
+def if_slopes_were_free(common: Mapping[str, Any]) -> float:
+    """Runs of scipy for each evaluation of ours: how many times faster ours would be if an evaluation with
+    slopes took no longer than a run, and steps took nothing on either side.
+    """
     return common["evaluations"]["scipy"] / common["evaluations"]["ours"]
 
 
 def rows(state: str, traces: dict[str, Trace]) -> list[dict[str, Any]]:
-    common = measured(traces)
+    common = until_the_target(traces)
     seconds = common["seconds"]
     best = min(value for name, value in seconds.items() if "casadi" in name)
     mine, scipy = seconds["ours"], seconds["scipy"]
     warm = state == "warm"
     found = [{"figure": f"times faster than scipy with finite differences, {state}", "goal": ">= 10",
               "ours": scipy / mine, "ok": scipy >= 10 * mine, **common,
-              "why": f"{at_most(common):.1f} if slopes cost nothing" if warm else
+              "why": f"{if_slopes_were_free(common):.1f} if slopes cost nothing" if warm else
                      "one compilation of derivatives costs more than it saves here"},
              {"figure": f"times faster than CasADi, {state}",
               "goal": ">= 1" if warm else "none is set", "ours": best / mine,

@@ -44,7 +44,7 @@ ON_THE_SIDE = {
     "formatting": set(),
     "propagator": set(),
 }
-"""Data and the like that any may import, and what they may import themselves."""
+"""Data, settings and mathematics that any may import, and what they may import themselves."""
 DOORS = {
     "diffrax": {"stepping/methods.py", "chebyshev.py", "exponential.py", "runge_kutta.py"},
     "optimistix": {"fitting/fit.py", "fitting/loops.py", "analysis/equilibrium.py", "analysis/settling.py"},

@@ -23,9 +23,7 @@ def with_inner_ends(parameters: Mapping[str, Fitted], minimum: Minimum) -> dict[
     """
     found, unknowns, u, ends = dict(parameters), minimum.unknowns, minimum.u, minimum.ends
     for i in np.flatnonzero(ends):
-        others = minimum.held
-        others[i] = False
-        sure = minimum.covariance(others)
+        sure = minimum.covariance(minimum.held & (np.arange(len(u)) != i))
         scored = [
             line.slopes[i] @ (minimum.loss.weight(line.residual) * line.residual) for line in minimum.lines
         ]

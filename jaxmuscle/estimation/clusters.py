@@ -13,11 +13,11 @@ from jaxmuscle.estimation.series import Series
 PARTS = 20
 """Stretches into which a window is cut that is the only one."""
 
-Line = NDArray[np.float64]
+Values = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 
-def window_scores(lines: Sequence[Series], errors: Sequence[Line]) -> Float[NDArray, "stretches k"]:
+def window_scores(lines: Sequence[Series], errors: Sequence[Values]) -> Float[NDArray, "stretches k"]:
     """Score Σ J ψ of every window, or of every part of the only one: all columns of a recording together.
 
     Args:
@@ -27,7 +27,7 @@ def window_scores(lines: Sequence[Series], errors: Sequence[Line]) -> Float[NDAr
     windows = {(line.recording, int(i)) for line in lines for i in np.unique(line.window[line.window >= 0])}
     if len(windows) == 1:
         stretches = _parts(stretches)
-    totals: dict[tuple[int, int], Line] = {}
+    totals: dict[tuple[int, int], Values] = {}
     for line, stretch, psi in zip(lines, stretches, errors, strict=True):
         for number in np.unique(stretch[stretch >= 0]).tolist():
             inside, key = stretch == number, (line.recording, number)

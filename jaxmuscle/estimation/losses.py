@@ -22,7 +22,7 @@ class Squares(Loss):
         return 0.5 * r**2
 
     def weighted(self, slopes: Array, r: Array) -> Array:
-        """The slopes: all weights are 1."""
+        """The slopes themselves: all weights are 1."""
         del r
         return slopes
 

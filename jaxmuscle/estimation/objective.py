@@ -51,6 +51,10 @@ class Objective:
         """Readings that count."""
         return sum(station.samples for station in self.stations)
 
+    def paths(self, number: int) -> tuple[str, ...]:
+        """Where in the machine and its sensors the values act on one recording."""
+        return tuple(self.unknowns.entries[i].place.path for i in self.unknowns.acting_on(number))
+
     def moved(self, number: int, u: Vector) -> tuple[AbstractActuator, Problem]:
         """Machine and problem of one recording at the coordinates u."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
@@ -121,7 +125,3 @@ class Objective:
         with np.errstate(over="ignore", invalid="ignore"):
             sound = np.isfinite(slopes.sum())
         return r, slopes if sound else np.where(np.isfinite(slopes), slopes, 0.0)
-
-    def paths(self, number: int) -> tuple[str, ...]:
-        """Where in the machine and its sensors the values act on one recording."""
-        return tuple(self.unknowns.entries[i].place.path for i in self.unknowns.acting_on(number))

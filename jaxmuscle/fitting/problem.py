@@ -52,7 +52,7 @@ class Problem(eqx.Module):
         for out, w in self.weights.items():
             own = np.asarray(w)
             counts = own > 0
-            with np.errstate(divide="ignore"):
+            with np.errstate(divide="ignore", over="ignore"):
                 known = 1 / np.where(counts, own, 1.0) ** 2 + np.asarray(variance[out])
                 weights[out] = jnp.asarray(np.where(counts, 1 / np.sqrt(known), 0.0))
         return self.with_weights(weights)

@@ -56,7 +56,8 @@ def spread_between(
     found = {}
     for out, weights in problem.weights.items():
         w = np.asarray(weights)
-        found[out] = jnp.asarray(np.where(w > 0, total[out] / np.where(w > 0, w, 1.0) ** 2, 0.0))
+        with np.errstate(over="ignore"):
+            found[out] = jnp.asarray(np.where(w > 0, total[out] / np.where(w > 0, w, 1.0) ** 2, 0.0))
     return found
 
 

@@ -45,13 +45,16 @@ class SecondOrder(eqx.Module):
             step: sampling step [s].
             angle, velocity: at the first sample [rad, rad/s].
         """
-        a1, a2, b = self.coefficients
-        held = propagator(jnp.array([[jnp.zeros(()), jnp.ones(())], [-a2, -a1]]), jnp.asarray(step))
+        # States θ and θ'/ω: entries of one size, so that no digits are lost.
+        omega = jnp.asarray(self.natural_frequency)
+        turning = omega * jnp.array([[0.0, 1.0], [-1.0, 0.0]])
+        damping = omega * self.damping_ratio * jnp.array([[0.0, 0.0], [0.0, -2.0]])
+        held = propagator(turning + damping, jnp.asarray(step))
 
         def advance(state: Array, u: Array) -> tuple[Array, Array]:
-            return held.whole @ state + held.first[:, 1] * b * u, state[0]
+            return held.whole @ state + held.first[:, 1] * (omega * self.gain * u), state[0]
 
-        start = jnp.stack([jnp.asarray(angle, dtype=float), jnp.asarray(velocity, dtype=float)])
+        start = jnp.stack([jnp.asarray(angle, dtype=float), jnp.asarray(velocity) / omega])
         return jax.lax.scan(advance, start, command)[1]
 
 

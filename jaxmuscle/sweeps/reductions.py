@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.analysis.elimination import solve
 from jaxmuscle.sweeps.bench import Trajectory
 
 Samples = Float[Array, "samples *muscles"]
@@ -109,7 +111,9 @@ def _response(run: Trajectory, reading: Samples) -> Number:
     basis = jnp.stack([jnp.ones_like(late), late, jnp.cos(angle), jnp.sin(angle)], axis=1) * used[:, None]
     both = jnp.stack([jnp.broadcast_to(_like(run.command, reading), reading.shape), reading])
     normal = basis.T @ basis + jnp.where(periods > 0, 0.0, 1.0) * jnp.eye(4)
-    fit = jnp.linalg.solve(normal, jnp.einsum("nk,bn...->kb...", basis, both).reshape(4, -1))
+    right = jnp.einsum("nk,bn...->kb...", basis, both).reshape(4, -1)
+    # Not by LAPACK, of which jaxlib 0.10 lets several batches at a time wait for each other.
+    fit = jax.vmap(solve, in_axes=(None, 1), out_axes=1)(normal, right)
     harmonic = (fit[2] - 1j * fit[3]).reshape(2, *reading.shape[1:])
     return jnp.where(periods > 0, harmonic[1] / harmonic[0], jnp.nan)
 

@@ -53,6 +53,22 @@ def test_only_the_given_samples_count(prepared):
     np.testing.assert_array_equal(part, np.where(there, whole, 0.0))
 
 
+def test_weights_allow_for_a_variance(prepared):
+    """1/w² and the variance add up; what does not count stays so, what is exact has the variance alone."""
+    problem, rng = prepared.problem, np.random.default_rng(0)
+    own = np.asarray(problem.weights["force"]).copy()
+    own[0, :4] = 0.0, np.inf, np.inf, 1e120
+    variance = rng.uniform(0, 4, own.shape)
+    variance[0, 2] = 0.0
+    given = problem.with_weights({"force": jnp.asarray(own)})
+    found = np.asarray(given.allowing({"force": variance}).weights["force"])
+    with np.errstate(divide="ignore", over="ignore"):
+        expected = np.where(own > 0, (own**-2.0 + variance) ** -0.5, 0.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert found[0, 0] == 0 and found[0, 2] == np.inf and found[0, 1] == pytest.approx(variance[0, 1] ** -0.5)
+    np.testing.assert_allclose(given.allowing({"force": 0 * variance}).weights["force"], own, rtol=1e-12)
+
+
 def test_what_is_not_a_number_is_large(prepared):
     broken = replace(prepared.actuator, {"muscle.end_factor": jnp.nan})
     found = np.asarray(residuals(broken, prepared.problem)["force"])

@@ -58,6 +58,18 @@ def test_response_equals_an_ode_solver(truth):
     np.testing.assert_allclose(system.response(jnp.asarray(command), STEP, 0.3, -0.2), expected, atol=1e-8)
 
 
+def test_digits_are_kept_where_the_system_is_fast():
+    """A command held for 50 to 150 radians, against the closed form of the angle after one sample."""
+    for omega, zeta in ((300.0, 0.0), (300.0, 0.1), (3000.0, 0.02)):
+        step = 0.05 if omega > 1000 else 0.5
+        system = built(SecondOrder, omega, zeta, 2.0)
+        found = system.response(jnp.array([3.0, 0.0]), step, 0.1, 5.0)[1]
+        decay, turn = np.exp(-zeta * omega * step), omega * np.sqrt(1 - zeta**2)
+        off, side = 0.1 - 6.0, (5.0 + zeta * omega * (0.1 - 6.0)) / turn
+        exact = 6.0 + decay * (off * np.cos(turn * step) + side * np.sin(turn * step))
+        np.testing.assert_allclose(found, exact, rtol=0, atol=6.0 * 2e-16 * omega * step)
+
+
 def test_slopes_of_the_response_equal_finite_differences():
     command = jnp.full(300, 1e5)
     points = jnp.asarray(TRUTHS)

@@ -1,8 +1,10 @@
 """Reductions against closed forms and NumPy."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from operations import LAPACK, operations
 
 from jaxmuscle.sweeps.bench import Trajectory
 from jaxmuscle.sweeps.reductions import BY_NAME, CATALOGUE
@@ -92,3 +94,15 @@ def test_no_gain_without_two_periods_or_a_frequency():
 def test_each_says_what_it_is(reduction):
     assert reduction.meaning and not reduction.meaning.endswith(".")
     assert "{" not in reduction.unit.format(reading="m", command="V")
+
+
+@pytest.mark.parametrize("reduction", CATALOGUE, ids=lambda each: each.name)
+def test_none_calls_lapack(reduction):
+    """Batches of a sweep run side by side, and those that call it wait for each other."""
+
+    def reduced_at(hertz):
+        run = Trajectory(jnp.asarray(TIME), jnp.sin(hertz * TIME), {"x": jnp.cos(hertz * TIME)}, hertz)
+        return reduction.function(run, run.readings["x"])
+
+    found = operations(jax.make_jaxpr(jax.vmap(reduced_at))(jnp.array([1.0, 2.0])).jaxpr)
+    assert found and not LAPACK & found
