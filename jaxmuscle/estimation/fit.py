@@ -52,52 +52,39 @@ def fit(
 ) -> FitResult:
     """Fit parameters of a machine and of the sensors to one or more recordings of its rig.
 
-    Every recording is cut into windows of its card's horizon and each link of the chain predicts its output
-    from its measured inputs, as in a diagnosis. Starts are first brought down on short parts of a window,
-    where the cost is smooth, then on longer ones and on whole windows, with weights that allow for what the
-    smoothed measured states leave uncertain. The error of the solver's steps is taken off where it matters.
-    A known quantity on which the cards differ is each recording's own. The class of the actuator may be the
-    user's own.
+    In windows of the card's horizon each link of the chain predicts its output from its measured inputs, as
+    in a diagnosis. Starts are brought down on short parts of a window, where the cost is smooth, then on
+    longer ones and on whole windows, with weights that allow for what the smoothed states leave uncertain.
+    A known quantity on which the cards differ is each recording's own.
 
     Args:
-        actuator: the machine; what is not free stays as it is there.
-        recordings: as :func:`jaxmuscle.read` or :func:`jaxmuscle.recording` gives them; missing readings
-            may be NaN.
+        actuator: the machine, of a class of yours or ours; what is not free stays as it is there.
+        recordings: as :func:`jaxmuscle.read` or :func:`jaxmuscle.recording` gives them, with NaN for gaps.
         free: names of what is fitted: card quantities, paths, ``offset.COLUMN``, arrays (all their entries)
-            and entries of arrays (``weights[3]``), and states at the first sample, ``start.STATE``, which
-            otherwise are as measured or at rest; what the cards call uncertain when `None`. Names in
-            `shared` and `per_recording` are free too. :func:`jaxmuscle.simulate` takes fitted states as its
-            `start`, without the ``start.``.
+            and entries of arrays (``weights[3]``), and states at the first sample, ``start.STATE``, else as
+            measured or at rest; what the cards call uncertain when `None`. Names in `shared` and
+            `per_recording` are free too.
         priors: name → (mean, std) in SI, or `None` for no prior; in place of the card's. What each recording
             has of its own can be named as in the result, ``mass[lift-2]``, here and in `bounds`.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
-        masks: rows that are bad: for one recording a boolean array or column → array; for several a
-            sequence of these, `None` where nothing is bad.
-        loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.loss.Loss`.
+        masks: bad rows: a boolean array or column → array; for several recordings a list of these or `None`.
+        loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.Loss`.
         noise: column → standard deviation of its sensor, in place of the card's; "estimated" for the size of
             the residuals themselves, in each recording; by default the card's, or what the fourth differences
             of the data show.
-        starts: number of starts (the machine's own, then a Latin hypercube over the priors), or what each
-            of them begins with.
+        starts: how many (the machine's own, then a Latin hypercube over the priors), or each one's values.
         shared, per_recording: names with one value for all recordings, and with one for each. By default
             all are shared but ``start.STATE``.
         profiles: names whose profile likelihood is computed, if there is time left.
         continuation: factors by which dry friction is smoothed more widely at first, from wide to narrow:
-            ``(30, 6)``. These stages take the place of the shortest parts of a window, which did as well or
-            better where both were tried: a second way for a fit that does not arrive by the first.
+            ``(30, 6)``, in place of the shortest parts of a window; for a fit that does not arrive by these.
             A rig of your own takes part when it hands `held.widening` to `slip_of_mass`.
-        budget: seconds after which the search ends and the best so far is judged and returned. What is being
-            compiled is not interrupted: some seconds with a machine that was not fitted before.
-        steps: most steps of a start.
-        seed: of the Latin hypercube.
+        budget: seconds of search, after which the best so far is returned; compilation is not interrupted.
+        steps, seed: most steps of a start; seed of the Latin hypercube.
         progress: called with a line of text at every iteration.
 
-    Returns:
-        a :class:`FitResult`.
-
     Raises:
-        InputError: an unknown parameter, contradictory priors or bounds, too little usable data, all
-            starts failed.
+        InputError: an unknown parameter, contradictory priors or bounds, too few data, all starts failed.
     """
     begin = time.monotonic()
     given = checked.given_recordings(actuator, recordings)
@@ -110,8 +97,7 @@ def fit(
     told = _teller(progress, begin)
     task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation)
     settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
-    free_names = {entry.place.name for entry in objective.unknowns.entries}
-    wanted = profiled(actuator, given, asked, free_names)
+    wanted = profiled(actuator, given, asked, {entry.place.name for entry in objective.unknowns.entries})
     return conclude(search(task), actuator, wanted, settings, progress, begin)
 
 
