@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
@@ -46,7 +45,7 @@ def strength_path(effect: type[AbstractEffect]) -> str:
 
 
 def linear_strength(
-    residual: Float[NDArray, " n"], free: Float[NDArray, "k n"], direction: Float[NDArray, " n"]
+    residual: Float[np.ndarray, " n"], free: Float[np.ndarray, "k n"], direction: Float[np.ndarray, " n"]
 ) -> tuple[float, float]:
     """Least-squares strength of an effect whose residuals change by `direction` per unit, and its gain.
 
@@ -68,7 +67,7 @@ def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
         yield {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
 
 
-def strengths(slope: Float[NDArray, " n"], residual: Float[NDArray, " n"], nonnegative: bool) -> list[float]:
+def strengths(slope: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"], nonnegative: bool) -> list[float]:
     """Strengths to try: a large effect is far from linear, one that others nearly imitate looks small.
 
     Args:

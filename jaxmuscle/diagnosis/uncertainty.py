@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.result import Estimate
@@ -49,7 +48,7 @@ def estimates(
     return values, pd.DataFrame(covariance / np.outer(safe, safe), index=paths, columns=paths)
 
 
-def _jackknife(paths: Sequence[str], folds: Sequence[AbstractActuator]) -> Float[NDArray, " k"]:
+def _jackknife(paths: Sequence[str], folds: Sequence[AbstractActuator]) -> Float[np.ndarray, " k"]:
     if len(folds) < 2:
         return np.zeros(len(paths))
     table = np.array([[float(get(model, path)) for path in paths] for model in folds])
@@ -57,8 +56,8 @@ def _jackknife(paths: Sequence[str], folds: Sequence[AbstractActuator]) -> Float
 
 
 def _covariance(
-    residual: Float[NDArray, " n"], slopes: Float[NDArray, "k n"], windows: int, sizes: Sequence[int]
-) -> Float[NDArray, "k k"]:
+    residual: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "k n"], windows: int, sizes: Sequence[int]
+) -> Float[np.ndarray, "k k"]:
     """`sizes`: residuals of each output in the order of the residual vector, window after window in each."""
     bread = np.linalg.pinv(slopes @ slopes.T, hermitian=True)
     gradients, begin = np.zeros((windows, len(slopes))), 0

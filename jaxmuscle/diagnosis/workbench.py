@@ -116,7 +116,7 @@ class Workbench:
 
     def jacobian(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
-    ) -> tuple[Float[NDArray, " n"], Float[NDArray, "k n"]]:
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:
         """Residual vector and its derivatives with respect to the parameters `paths` (in their own units).
 
         The residual vector ends with the distances from the priors of the declared parameters and of the

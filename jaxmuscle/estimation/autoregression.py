@@ -55,8 +55,8 @@ class Autoregression:
 
 
 def burg(
-    parts: Float[NDArray, "parts n"],
-    signs: Float[NDArray, " parts"],
+    parts: Float[np.ndarray, "parts n"],
+    signs: Float[np.ndarray, " parts"],
     counts: Bool[NDArray[np.bool_], " n"],
     orders: range,
 ) -> Autoregression:

@@ -20,7 +20,7 @@ INSTANT = 3**-0.5
 """Standard deviation of the instant of a reading, in samples: it is not known better than ± one sample."""
 
 
-def state_scores(objective: Objective, u: Line, lines: list[Series]) -> Float[NDArray, "sources k"]:
+def state_scores(objective: Objective, u: Line, lines: list[Series]) -> Float[np.ndarray, "sources k"]:
     """How the score Σ J ψ changes by one standard deviation of each rate at the beginning of each window.
 
     An error there runs through the whole window: its residuals go together, and in a few windows their own

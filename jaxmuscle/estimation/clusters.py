@@ -17,7 +17,7 @@ Values = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 
-def window_scores(lines: Sequence[Series], errors: Sequence[Values]) -> Float[NDArray, "stretches k"]:
+def window_scores(lines: Sequence[Series], errors: Sequence[Values]) -> Float[np.ndarray, "stretches k"]:
     """Score Σ J ψ of every window, or of every part of the only one: all columns of a recording together.
 
     Args:

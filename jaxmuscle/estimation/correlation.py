@@ -14,8 +14,8 @@ from jaxmuscle.estimation.lags import stride
 
 Line = NDArray[np.float64]
 Counts = Bool[NDArray[np.bool_], " n"]
-Slopes = Float[NDArray, "k n"]
-Matrix = Float[NDArray, "k k"]
+Slopes = Float[np.ndarray, "k n"]
+Matrix = Float[np.ndarray, "k k"]
 
 ROUNDS = 3
 """How often the noise is estimated anew with what the fit took from it."""
@@ -53,7 +53,7 @@ def memory(
 
 def coloured_meat(
     slopes: Slopes, values: Line, counts: Counts, inverse: Matrix | None = None
-) -> Float[NDArray, "k k"]:
+) -> Float[np.ndarray, "k k"]:
     r"""Covariance of the score Σ J e of coloured residuals: :math:`\sum_{t,s} J_t\,γ(t-s)\,J_s^T`.
 
     Morelli and Klein, "Accuracy of aerodynamic model parameters estimated from flight test data", J.

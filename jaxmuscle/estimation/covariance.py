@@ -15,7 +15,7 @@ from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknowns
 
-Matrix = Float[NDArray, "k k"]
+Matrix = Float[np.ndarray, "k k"]
 
 SINGULAR = 1e-11
 """Eigenvalue of the scaled information matrix, relative to the largest, below which nothing is known."""
@@ -38,12 +38,12 @@ class Covariance:
         times: recording, column → autocorrelation time of the residuals [samples].
     """
 
-    independent: Float[NDArray, " k"]
-    coloured: Float[NDArray, " k"]
-    windows: Float[NDArray, " k"]
-    states: Float[NDArray, " k"]
-    std: Float[NDArray, " k"]
-    assumed: Float[NDArray, " k"]
+    independent: Float[np.ndarray, " k"]
+    coloured: Float[np.ndarray, " k"]
+    windows: Float[np.ndarray, " k"]
+    states: Float[np.ndarray, " k"]
+    std: Float[np.ndarray, " k"]
+    assumed: Float[np.ndarray, " k"]
     correlations: Matrix
     times: dict[tuple[int, str], float]
 
@@ -53,7 +53,7 @@ def covariance(
     unknowns: Unknowns,
     loss: Loss,
     fixed: Bool[NDArray[np.bool_], " k"],
-    scores: Float[NDArray, "sources k"] | None = None,
+    scores: Float[np.ndarray, "sources k"] | None = None,
 ) -> Covariance:
     r"""Covariance of the coordinates at the minimum, :math:`A^{-1} B A^{-1}` (Huber 1967).
 
@@ -138,5 +138,5 @@ class _Space:
         return np.where(both, self.null / np.outer(size, size), 0.0)
 
 
-def _roots(matrix: Matrix) -> Float[NDArray, " k"]:
+def _roots(matrix: Matrix) -> Float[np.ndarray, " k"]:
     return np.sqrt(np.maximum(np.diag(matrix), 0.0))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
-from numpy.typing import NDArray
 
 from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits
 from jaxmuscle.estimation.marquardt import advance
@@ -15,10 +14,10 @@ from jaxmuscle.estimation.objective import Local
 
 
 def descend(
-    evaluate: Callable[[Float[NDArray, "lanes k"]], list[Local]],
-    starts: Float[NDArray, "starts k"],
+    evaluate: Callable[[Float[np.ndarray, "lanes k"]], list[Local]],
+    starts: Float[np.ndarray, "starts k"],
     limits: Limits,
-    held: Bool[NDArray, "starts k"] | None = None,
+    held: Bool[np.ndarray, "starts k"] | None = None,
     tell: Callable[[Course], None] = lambda course: None,
 ) -> list[Lane]:
     """Descend from every start; as soon as one lane has ended the next start takes its place.

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.descent import descend
@@ -17,14 +16,14 @@ SAME = 1e-3
 """Distance of two points in every coordinate up to which they are one."""
 
 
-def ends(lanes: Sequence[Lane]) -> tuple[Float[NDArray, "starts k"], dict[int, Lane]]:
+def ends(lanes: Sequence[Lane]) -> tuple[Float[np.ndarray, "starts k"], dict[int, Lane]]:
     """Where lanes are, and those that failed, by number."""
     return np.stack([lane.u for lane in lanes]), {i: e for i, e in enumerate(lanes) if e.code == FAILED}
 
 
 def descend_distinct(
     objective: Objective,
-    points: Float[NDArray, "starts k"],
+    points: Float[np.ndarray, "starts k"],
     failed: dict[int, Lane],
     limits: Limits,
     tell: Callable[[Course], None],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.wording import in_words, less_than_priors
 
-Matrix = Float[NDArray, "k k"]
+Matrix = Float[np.ndarray, "k k"]
 
 UNKNOWN = 1.0
 """Standard deviation of a logarithm, by the data alone, from which a combination counts as undetermined."""
@@ -37,14 +37,14 @@ class Undetermined:
     words: str
 
 
-def without_influence(slopes: Float[NDArray, "k n"], names: Sequence[str]) -> tuple[str, ...]:
+def without_influence(slopes: Float[np.ndarray, "k n"], names: Sequence[str]) -> tuple[str, ...]:
     """Parameters that change no prediction; slopes by coordinates in which 1 is a large change."""
     sizes = np.linalg.norm(slopes, axis=1)
     return tuple(name for name, size in zip(names, sizes, strict=True) if size < NO_INFLUENCE)
 
 
 def undetermined(
-    information: Matrix, prior: Float[NDArray, " k"], names: Sequence[str], logarithmic: NDArray[np.bool_]
+    information: Matrix, prior: Float[np.ndarray, " k"], names: Sequence[str], logarithmic: NDArray[np.bool_]
 ) -> tuple[Undetermined, ...]:
     """The directions of which the data know less than a factor e, or less than the priors, each in words.
 
@@ -83,7 +83,7 @@ class _Space:
         unknown: columns, directions of which the data know less than a factor e.
     """
 
-    def __init__(self, information: Matrix, prior: Float[NDArray, " k"]) -> None:
+    def __init__(self, information: Matrix, prior: Float[np.ndarray, " k"]) -> None:
         """Split the space by the eigenvalues of the data's information."""
         values, vectors = np.linalg.eigh(information)
         loose = values < 1 / UNKNOWN**2
@@ -91,7 +91,7 @@ class _Space:
         self._known = vectors[:, ~loose] / np.sqrt(values[~loose])
         self._prior = prior
 
-    def told_by_priors(self) -> list[Float[NDArray, " k"]]:
+    def told_by_priors(self) -> list[Float[np.ndarray, " k"]]:
         r"""Sums c of the parameters, c'u, of which the priors know more than the data.
 
         They are c = P v with :math:`P v = \lambda M v`, :math:`\lambda > 1`, P the priors' information and M
@@ -113,7 +113,7 @@ class _Space:
                 found.append(weights)
         return found
 
-    def by_data(self, weights: Float[NDArray, " k"]) -> tuple[Float[NDArray, " k"], float]:
+    def by_data(self, weights: Float[np.ndarray, " k"]) -> tuple[Float[np.ndarray, " k"], float]:
         """How the parameters move when such a sum does, by the data alone, all others following: the largest
         with a prior by 1; and the standard deviation along it.
         """
@@ -123,7 +123,7 @@ class _Space:
 
 
 def _named(
-    direction: Float[NDArray, " k"], kept: NDArray[np.bool_], names: Sequence[str]
+    direction: Float[np.ndarray, " k"], kept: NDArray[np.bool_], names: Sequence[str]
 ) -> dict[str, float]:
     """The entries of a direction that are kept, the largest of them 1."""
     direction = np.where(kept, direction, 0.0)
@@ -131,7 +131,7 @@ def _named(
     return {name: float(x) for name, x in zip(names, direction, strict=True) if x != 0}
 
 
-def _echelon(rows: Float[NDArray, "r k"]) -> Float[NDArray, "r k"]:
+def _echelon(rows: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
     """Reduced row echelon form, with the largest pivot each time."""
     rows = rows.copy()
     done: list[int] = []

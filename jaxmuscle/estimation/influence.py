@@ -53,7 +53,7 @@ class Traced:
 
     def reached(
         self, by_given: Sequence[Bool[NDArray[np.bool_], " values"]]
-    ) -> Bool[NDArray, "outputs values"]:
+    ) -> Bool[np.ndarray, "outputs values"]:
         """Whether an output depends on a number, itself or by way of the arrays that `by_given` tells of."""
         through = [(row[:, None] & np.array(by_given)).any(axis=0) for row in self.passing if len(by_given)]
         return self.acting | np.array(through) if through else self.acting

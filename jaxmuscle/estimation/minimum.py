@@ -25,12 +25,12 @@ class Minimum:
         scores: changes of the score by uncertain states (`begun.state_scores`); `None` for none.
     """
 
-    u: Float[NDArray, " k"]
+    u: Float[np.ndarray, " k"]
     lines: Sequence[Series]
     unknowns: Unknowns
     loss: Loss
     ends: Int[NDArray[np.int64], " k"]
-    scores: Float[NDArray, "sources k"] | None = None
+    scores: Float[np.ndarray, "sources k"] | None = None
 
     @property
     def held(self) -> Bool[NDArray[np.bool_], " k"]:

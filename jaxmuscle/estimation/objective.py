@@ -28,8 +28,8 @@ class Local:
     """Cost, gradient and Gauss-Newton matrix at one point; how many predictions are not numbers there."""
 
     cost: float
-    gradient: Float[NDArray, " k"]
-    matrix: Float[NDArray, "k k"]
+    gradient: Float[np.ndarray, " k"]
+    matrix: Float[np.ndarray, "k k"]
     broken: int
 
 
@@ -61,7 +61,7 @@ class Objective:
         values = [jnp.asarray(x) for x in self.unknowns.values(u)[index]]
         return moved(station.actuator, station.problem, self.paths(number), values)
 
-    def at(self, points: Float[NDArray, "lanes k"]) -> list[Local]:
+    def at(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""
         size = len(self.unknowns)
         cost, bad = np.zeros(len(points)), np.zeros(len(points), dtype=int)
@@ -79,7 +79,7 @@ class Objective:
         whole = zip(cost.tolist(), gradient, matrix, bad.tolist(), strict=True)
         return [Local(*each) for each in whole]
 
-    def _assembled(self, number: int, points: Float[NDArray, "some k"]) -> Arrays:
+    def _assembled(self, number: int, points: Float[np.ndarray, "some k"]) -> Arrays:
         """Of one recording: cost, predictions that are not numbers, gradient and Gauss-Newton matrix."""
         values, slopes = (self.stations[number].whitened(x) for x in self._by_values(number, points))
         inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number)]
@@ -95,8 +95,8 @@ class Objective:
         return cost, wrong.sum(axis=1), gradient, matrix
 
     def residuals(
-        self, number: int, points: Float[NDArray, "lanes k"]
-    ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
+        self, number: int, points: Float[np.ndarray, "lanes k"]
+    ) -> tuple[Float[np.ndarray, "lanes n"], Float[np.ndarray, "lanes m n"]]:
         """Residuals of one recording, as they are squared, and their derivatives by what acts on it.
 
         A prediction that is not a number has a residual that is not, and no slope.
@@ -106,8 +106,8 @@ class Objective:
         return station.whitened(r), station.whitened(slopes)
 
     def deviations(
-        self, number: int, points: Float[NDArray, "lanes k"]
-    ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
+        self, number: int, points: Float[np.ndarray, "lanes k"]
+    ) -> tuple[Float[np.ndarray, "lanes n"], Float[np.ndarray, "lanes m n"]]:
         """Predicted minus measured, weighted, and its derivatives by the coordinates that act on it."""
         r, slopes = divided(partial(self._by_values, number), points, self.width)
         inner = self.unknowns.slopes(points)[:, self.unknowns.acting_on(number), None]
@@ -115,8 +115,8 @@ class Objective:
             return r, slopes * inner
 
     def _by_values(
-        self, number: int, points: Float[NDArray, "lanes k"]
-    ) -> tuple[Float[NDArray, "lanes n"], Float[NDArray, "lanes m n"]]:
+        self, number: int, points: Float[np.ndarray, "lanes k"]
+    ) -> tuple[Float[np.ndarray, "lanes n"], Float[np.ndarray, "lanes m n"]]:
         """Residuals of one recording and their derivatives by the values (SI) that act on it."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
         thetas = jnp.asarray(self.unknowns.values(points)[:, index])

@@ -54,7 +54,7 @@ class Profile:
 
 
 def profiles(
-    evaluate: Callable[[Float[NDArray, "lanes k"]], list[Local]],
+    evaluate: Callable[[Float[np.ndarray, "lanes k"]], list[Local]],
     unknowns: Unknowns,
     best: tuple[NDArray[np.float64], float],
     sure: Covariance,

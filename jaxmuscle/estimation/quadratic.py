@@ -17,7 +17,7 @@ NEWTON, NEAR = 30, 0.05
 class Quadratic:
     r"""The model :math:`g^T p + \frac12 p^T H p` with each coordinate in units of 1/`unit`."""
 
-    def __init__(self, matrix: Float[NDArray, "k k"], gradient: Vector, unit: Vector) -> None:
+    def __init__(self, matrix: Float[np.ndarray, "k k"], gradient: Vector, unit: Vector) -> None:
         """H, positive semidefinite; g; and what coordinates are multiplied by."""
         curvatures, self._axes = np.linalg.eigh(matrix / (unit[:, None] * unit))
         self._curvatures = np.maximum(curvatures, ROUNDING * curvatures[-1])

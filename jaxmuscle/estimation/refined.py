@@ -29,7 +29,7 @@ def _residuals(theta, actuator, problem, paths, times):
     return residual_vector(theta, actuator, problem, paths, problem.substeps * times)
 
 
-def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[NDArray, "k k"]) -> Objective:
+def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[np.ndarray, "k k"]) -> Objective:
     r"""`objective` with the solver's error at u taken off its residuals (deferred correction).
 
     A rig's longest step keeps the solver's error below the noise of a reading, but a parameter is known far

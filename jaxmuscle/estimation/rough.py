@@ -133,8 +133,8 @@ def _tested(
 
 
 def _window_residuals(
-    objective: Objective, number: int, points: Float[NDArray, "points k"], window: int
-) -> Float[NDArray, "points n"]:
+    objective: Objective, number: int, points: Float[np.ndarray, "points k"], window: int
+) -> Float[np.ndarray, "points n"]:
     """Residuals of all columns in one window at each point."""
     values = objective.residuals(number, points)[0]
     begin, found = 0, []

@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from jaxmuscle.estimation.distinct import descend_distinct, ends, winner_of
 from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits
@@ -43,7 +42,7 @@ class Search:
     """
 
     objective: Objective
-    points: Float[NDArray, "starts k"]
+    points: Float[np.ndarray, "starts k"]
     steps: int
     deadline: float
     estimate: bool
@@ -58,7 +57,7 @@ class Found:
     objective: Objective
     best: Lane
     lanes: tuple[Lane, ...]
-    points: Float[NDArray, "starts k"]
+    points: Float[np.ndarray, "starts k"]
     limits: Limits
     iterations: int
 

@@ -28,13 +28,13 @@ class Series:
     output: str
     column: str
     counts: Bool[NDArray[np.bool_], " rows"]
-    residual: Float[NDArray, " rows"]
-    slopes: Float[NDArray, "k rows"]
+    residual: Float[np.ndarray, " rows"]
+    slopes: Float[np.ndarray, "k rows"]
     window: Int[NDArray[np.int64], " rows"]
-    shared: Float[NDArray, " rows"] | float = 0.0
+    shared: Float[np.ndarray, " rows"] | float = 0.0
 
     @property
-    def deviation(self) -> Float[NDArray, " rows"]:
+    def deviation(self) -> Float[np.ndarray, " rows"]:
         """Predicted minus measured, weighted, with windows that begin as smoothed."""
         return self.residual + self.shared
 

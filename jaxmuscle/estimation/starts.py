@@ -17,7 +17,7 @@ INSIDE = 1e-3
 """Distance from a bound at which a start lies at least, in units of the scale."""
 
 
-def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[NDArray, "starts k"]:
+def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[np.ndarray, "starts k"]:
     """The unknowns' own start, then a Latin hypercube of `count` - 1 (McKay et al. 1979).
 
     Each coordinate is spread normally about its prior's mean with its standard deviation, or about its
@@ -40,7 +40,7 @@ def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[NDArray, "
 
 def given_starts(
     unknowns: Unknowns, starts: Sequence[Mapping[str, float]], where: str = "starts"
-) -> Float[NDArray, "starts k"]:
+) -> Float[np.ndarray, "starts k"]:
     """Starts that the user gives: name → value (SI), the unknowns' own start for what is not named.
 
     A parameter that each recording has of its own is named as in the result, ``mass[lift-2]``, or without

@@ -60,7 +60,7 @@ class Station:
             shares.append(np.stack(each, axis=-1))
         return Whitening.of(shares)
 
-    def whitened(self, values: Float[NDArray, "... n"]) -> Float[NDArray, "... n"]:
+    def whitened(self, values: Float[np.ndarray, "... n"]) -> Float[np.ndarray, "... n"]:
         """Weighted residuals, or their slopes, without what the states share with which windows begin.
 
         What is not a number stays none, and counts as zero for the others.

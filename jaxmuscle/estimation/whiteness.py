@@ -133,7 +133,7 @@ def _lags(counts: Bool[NDArray[np.bool_], " n"]) -> NDArray[np.int64]:
     return lags[pairs(counts, int(lags.max(initial=0)))[lags] >= FEWEST]
 
 
-def _shifted(given: NDArray[np.float64], lags: NDArray[np.int64]) -> Float[NDArray, "lags n"]:
+def _shifted(given: NDArray[np.float64], lags: NDArray[np.int64]) -> Float[np.ndarray, "lags n"]:
     """given(t - lag), zero before its beginning and after its end."""
     n, reach = len(given), int(np.abs(lags).max())
     padded = np.pad(given, reach)

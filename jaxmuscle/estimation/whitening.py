@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,18 +25,18 @@ class Whitening:
         inner: what stands between S and its transpose.
     """
 
-    shares: tuple[Float[NDArray, "windows n errors"], ...]
-    inner: Float[NDArray, "windows errors errors"]
+    shares: tuple[Float[np.ndarray, "windows n errors"], ...]
+    inner: Float[np.ndarray, "windows errors errors"]
 
     @classmethod
-    def of(cls, shares: Sequence[Float[NDArray, "windows n errors"]]) -> Whitening:
+    def of(cls, shares: Sequence[Float[np.ndarray, "windows n errors"]]) -> Whitening:
         """From S, link by link."""
         squares, axes = np.linalg.eigh(sum(np.swapaxes(s, 1, 2) @ s for s in shares))
         root = np.sqrt(1 + np.maximum(squares, 0.0))
         inner = (axes / (root * (1 + root))[:, None, :]) @ np.swapaxes(axes, 1, 2)
         return cls(tuple(shares), inner)
 
-    def __call__(self, values: Float[NDArray, "... n"]) -> Float[NDArray, "... n"]:
+    def __call__(self, values: Float[np.ndarray, "... n"]) -> Float[np.ndarray, "... n"]:
         """Residuals of all links, or their slopes, one link after the other along the last axis."""
         ends = np.cumsum([s.shape[0] * s.shape[1] for s in self.shares])[:-1]
         parts = [

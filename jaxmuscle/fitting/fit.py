@@ -57,7 +57,7 @@ def minimise(
 
 def sensitivities(
     model: AbstractActuator, problem: Problem, free: Free, chosen: NDArray[np.int64], width: int
-) -> tuple[Float[NDArray, " residuals"], Float[NDArray, "chosen residuals"]]:
+) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "chosen residuals"]]:
     """Residual vector at z = 0 and its derivatives with respect to the entries `chosen`, by forward mode.
 
     They come out of the first step of :func:`minimise`, so that nothing is compiled for them alone.
