@@ -67,7 +67,9 @@ def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
         yield {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
 
 
-def strengths(slope: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"], nonnegative: bool) -> list[float]:
+def strengths(
+    slope: Float[np.ndarray, " n"], residual: Float[np.ndarray, " n"], nonnegative: bool
+) -> list[float]:
     """Strengths to try: a large effect is far from linear, one that others nearly imitate looks small.
 
     Args:

@@ -14,12 +14,12 @@ from jaxmuscle.fitting.problem import Residuals
 TELLING = float(np.log(3.0))
 """Loss above which a block tells two models apart: a mean square of twice the noise."""
 
-Blocks = Int[NDArray[np.int64], "windows samples"]
+Blocks = Int[np.ndarray, "windows samples"]
 
 NOISE = float(np.log(2.0))
 """Loss of a block that only noise is left in."""
 
-Losses = Float[NDArray[np.float64], " blocks"]
+Losses = Float[np.ndarray, " blocks"]
 
 
 def blocks(windows: int, samples: int, period: int) -> Blocks:

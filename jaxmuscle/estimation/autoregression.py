@@ -57,7 +57,7 @@ class Autoregression:
 def burg(
     parts: Float[np.ndarray, "parts n"],
     signs: Float[np.ndarray, " parts"],
-    counts: Bool[NDArray[np.bool_], " n"],
+    counts: Bool[np.ndarray, " n"],
     orders: range,
 ) -> Autoregression:
     r"""Autoregression of a series with gaps, its order among `orders` that with the least AIC.

@@ -13,7 +13,7 @@ from jaxmuscle.estimation.autoregression import Autoregression, burg
 from jaxmuscle.estimation.lags import stride
 
 Line = NDArray[np.float64]
-Counts = Bool[NDArray[np.bool_], " n"]
+Counts = Bool[np.ndarray, " n"]
 Slopes = Float[np.ndarray, "k n"]
 Matrix = Float[np.ndarray, "k k"]
 

@@ -52,7 +52,7 @@ def covariance(
     lines: Sequence[Series],
     unknowns: Unknowns,
     loss: Loss,
-    fixed: Bool[NDArray[np.bool_], " k"],
+    fixed: Bool[np.ndarray, " k"],
     scores: Float[np.ndarray, "sources k"] | None = None,
 ) -> Covariance:
     r"""Covariance of the coordinates at the minimum, :math:`A^{-1} B A^{-1}` (Huber 1967).
@@ -111,7 +111,7 @@ def covariance(
 class _Space:
     """What the information matrix determines: its inverse there, and which parameters lie outside."""
 
-    def __init__(self, matrix: Matrix, fixed: Bool[NDArray[np.bool_], " k"]) -> None:
+    def __init__(self, matrix: Matrix, fixed: Bool[np.ndarray, " k"]) -> None:
         """Split the space of the rows that are not fixed."""
         free = np.flatnonzero(~fixed)
         size = len(matrix)

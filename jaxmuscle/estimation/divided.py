@@ -21,7 +21,9 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def divided(
-    evaluate: Callable[[Float[np.ndarray, "width k"]], Arrays], points: Float[np.ndarray, "lanes k"], width: int
+    evaluate: Callable[[Float[np.ndarray, "width k"]], Arrays],
+    points: Float[np.ndarray, "lanes k"],
+    width: int,
 ) -> Arrays:
     """`evaluate` on so many points at a time, on all cores, joined.
 

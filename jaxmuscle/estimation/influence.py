@@ -28,8 +28,8 @@ class Traced:
         shapes: of the outputs.
     """
 
-    acting: Bool[NDArray[np.bool_], "outputs values"]
-    passing: Bool[NDArray[np.bool_], "outputs given"]
+    acting: Bool[np.ndarray, "outputs values"]
+    passing: Bool[np.ndarray, "outputs given"]
 
     def __init__(
         self,
@@ -51,9 +51,7 @@ class Traced:
         """The function itself."""
         return list(self._call(*values, *given))
 
-    def reached(
-        self, by_given: Sequence[Bool[NDArray[np.bool_], " values"]]
-    ) -> Bool[np.ndarray, "outputs values"]:
+    def reached(self, by_given: Sequence[Bool[np.ndarray, " values"]]) -> Bool[np.ndarray, "outputs values"]:
         """Whether an output depends on a number, itself or by way of the arrays that `by_given` tells of."""
         through = [(row[:, None] & np.array(by_given)).any(axis=0) for row in self.passing if len(by_given)]
         return self.acting | np.array(through) if through else self.acting
@@ -64,8 +62,8 @@ def slopes_of(
     values: Float[Array, " values"],
     given: Leaves,
     tangents: Sequence[Array | None],
-    by_given: Sequence[Bool[NDArray[np.bool_], " values"]],
-) -> tuple[Leaves, Tangents, list[Bool[NDArray[np.bool_], " values"]]]:
+    by_given: Sequence[Bool[np.ndarray, " values"]],
+) -> tuple[Leaves, Tangents, list[Bool[np.ndarray, " values"]]]:
     """Outputs, their derivatives by the numbers that act on any of them, and which act on each.
 
     All derivatives go through one evaluation in forward mode, with a tangent for every acting number.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 Line = NDArray[np.float64]
-Counts = Bool[NDArray[np.bool_], " n"]
+Counts = Bool[np.ndarray, " n"]
 
 
 def pairs(counts: Counts, lags: int) -> NDArray[np.int64]:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance, covariance
 from jaxmuscle.estimation.loss import Loss
@@ -29,15 +28,15 @@ class Minimum:
     lines: Sequence[Series]
     unknowns: Unknowns
     loss: Loss
-    ends: Int[NDArray[np.int64], " k"]
+    ends: Int[np.ndarray, " k"]
     scores: Float[np.ndarray, "sources k"] | None = None
 
     @property
-    def held(self) -> Bool[NDArray[np.bool_], " k"]:
+    def held(self) -> Bool[np.ndarray, " k"]:
         """Coordinates at a bound."""
         return self.ends != 0
 
-    def covariance(self, held: Bool[NDArray[np.bool_], " k"] | None = None) -> Covariance:
+    def covariance(self, held: Bool[np.ndarray, " k"] | None = None) -> Covariance:
         """How sure the coordinates are, with those known that are `held`: at a bound when `None`."""
         fixed = self.held if held is None else held
         return covariance(self.lines, self.unknowns, self.loss, fixed, self.scores)

@@ -27,10 +27,10 @@ class Series:
     recording: int
     output: str
     column: str
-    counts: Bool[NDArray[np.bool_], " rows"]
+    counts: Bool[np.ndarray, " rows"]
     residual: Float[np.ndarray, " rows"]
     slopes: Float[np.ndarray, "k rows"]
-    window: Int[NDArray[np.int64], " rows"]
+    window: Int[np.ndarray, " rows"]
     shared: Float[np.ndarray, " rows"] | float = 0.0
 
     @property

@@ -29,7 +29,7 @@ def moved_machine(
 def at_bound(unknowns: Unknowns, u: NDArray[np.float64]) -> NDArray[np.int64]:
     """-1 for coordinates at their lower bound, 1 at their upper one, 0 for the others."""
 
-    def near(bound: NDArray[np.float64]) -> Bool[NDArray[np.bool_], " k"]:
+    def near(bound: NDArray[np.float64]) -> Bool[np.ndarray, " k"]:
         finite = np.isfinite(bound)
         safe = np.where(finite, bound, 0.0)
         return finite & (np.abs(u - safe) <= AT_BOUND * (1 + np.abs(safe)))

@@ -126,7 +126,7 @@ def residual_tests(
     return tuple(found)
 
 
-def _lags(counts: Bool[NDArray[np.bool_], " n"]) -> NDArray[np.int64]:
+def _lags(counts: Bool[np.ndarray, " n"]) -> NDArray[np.int64]:
     """Lags at which enough pairs of rows count."""
     lags = stride(counts) * np.arange(1, LAGS + 1)
     lags = lags[lags < len(counts)]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Int
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 
@@ -26,16 +25,16 @@ class Windows:
         held_out: whether a window lies in a stretch that no fit and no selection may see.
     """
 
-    rows: Int[NDArray[np.int64], " windows"]
+    rows: Int[np.ndarray, " windows"]
     samples: int
-    mask: Bool[NDArray[np.bool_], "windows samples"]
-    held_out: Bool[NDArray[np.bool_], " windows"]
+    mask: Bool[np.ndarray, "windows samples"]
+    held_out: Bool[np.ndarray, " windows"]
 
     def __len__(self) -> int:
         """Number of windows."""
         return len(self.rows)
 
-    def ignoring(self, rows: Bool[NDArray[np.bool_], " all"]) -> Windows:
+    def ignoring(self, rows: Bool[np.ndarray, " all"]) -> Windows:
         """The same windows without the given rows of the recording."""
         inside = np.minimum(self.rows[:, None] + np.arange(self.samples), len(rows) - 1)
         return dataclasses.replace(self, mask=self.mask & ~np.asarray(rows)[inside])
