@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxmuscle.settings import prepare
+from jaxmuscle.configuration import configure, prepare
 
 if TYPE_CHECKING:
     from jaxmuscle import actuators, components, control, effects, robot
@@ -61,6 +61,7 @@ __all__ = [
     "actuators",
     "commands",
     "components",
+    "configure",
     "control",
     "describe",
     "diagnose",

@@ -39,7 +39,8 @@ ORDER = (
 """Each imports only from those before it, and from within itself."""
 ON_THE_SIDE = {
     "samples": {"errors"},
-    "settings": set(),
+    "configuration": {"errors", "xla_options"},
+    "xla_options": set(),
     "cores": set(),
     "formatting": set(),
     "propagator": set(),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.configuration import require_double_precision
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclude import Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
@@ -69,6 +70,7 @@ def diagnose(
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing) or
         "unexplained" (something is, and no effect of the catalogue explains it).
     """
+    require_double_precision("a diagnosis")
     begin = time.perf_counter()
     prepared = case(recording, held_out, ignored)
     bench = workbench(prepared.actuator, prepared.priors, missing(prepared.actuator, catalogue))

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.configuration import require_double_precision
 from jaxmuscle.estimation import checked
 from jaxmuscle.estimation.arguments import (
     ESTIMATED,
@@ -86,6 +87,7 @@ def fit(
     Raises:
         InputError: an unknown parameter, contradictory priors or bounds, too few data, all starts failed.
     """
+    require_double_precision("a fit")
     begin = time.monotonic()
     given = checked.given_recordings(actuator, recordings)
     steps, seed = checked.whole(steps, "steps", 1), checked.whole(seed, "seed", 0)

@@ -17,7 +17,7 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Free
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.vector import Scaled, scaled, stacked, vector_at_zero
-from jaxmuscle.settings import COMPACT
+from jaxmuscle.xla_options import compact
 
 TOLERANCE = 3e-4
 """Relative fall of the cost over one accepted step at which a fit ends."""
@@ -70,7 +70,7 @@ def sensitivities(
     return vector_at_zero(model, problem, free), np.concatenate(rows)
 
 
-@eqx.filter_jit(compiler_options=COMPACT)  # pyright: ignore[reportCallIssue]
+@eqx.filter_jit(compiler_options=compact())  # pyright: ignore[reportCallIssue]
 def _solve(scaled: Scaled, limit: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Run optimistix's solver step by step: its own test waits for every coordinate, even one without effect.
 

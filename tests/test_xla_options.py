@@ -1,4 +1,4 @@
-"""What importing the package sets in JAX and XLA."""
+"""Options of XLA that jaxlib 0.10 needs: when they are written, and what they do."""
 
 import os
 import re
@@ -8,8 +8,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxmuscle import settings
-from jaxmuscle.settings import CAREFUL, LOG, SMALL, WHOLE, prepare
+from jaxmuscle import xla_options
+from jaxmuscle.xla_options import (
+    CAREFUL,
+    LOG,
+    SMALL,
+    WHOLE,
+    add_options,
+    compact,
+    needed,
+    present,
+    remove_options,
+    written,
+)  # fmt: skip
 
 LOOP = """
 import {first}, {second}
@@ -17,9 +28,11 @@ import jax.numpy as jnp
 loop = jax.jit(lambda x: jax.lax.scan(lambda c, _: (jnp.sin(c) + c[::-1], c), x, length=1000)[1])
 print("xla_cpu_small_call" in loop.lower(jnp.ones(40)).compile().as_text(), jnp.ones(1).dtype)
 """
+NEEDED = pytest.mark.skipif(not needed(), reason="this jaxlib needs no options, and gets none")
 OWN = f"--xla_backend_extra_options={SMALL}=0"
 
 
+@NEEDED
 @pytest.mark.parametrize(("first", "second"), [("jax", "jaxmuscle"), ("jaxmuscle", "jax")])
 @pytest.mark.parametrize(("given", "whole"), [("", True), (OWN, False)])
 def test_a_loop_is_compiled_as_a_whole_unless_the_user_says_otherwise(first, second, given, whole):
@@ -31,35 +44,31 @@ def test_a_loop_is_compiled_as_a_whole_unless_the_user_says_otherwise(first, sec
     assert told.stdout.split() == [str(whole), "float64"]
 
 
-def written(options):
-    return [f"{k}={v}" for k, v in options.items()]
-
-
 def test_other_options_are_kept():
     flags = {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false"}
-    prepare(flags, {})
+    add_options(flags, None)
     assert flags["XLA_FLAGS"].split() == ["--xla_cpu_enable_fast_math=false", *written(WHOLE)]
     assert flags[LOG] == "2"
     once = dict(flags)
-    prepare(flags, {})
+    add_options(flags, None)
     assert flags == once
 
 
 @pytest.mark.parametrize("option", {**WHOLE, **CAREFUL})
 def test_an_option_of_the_user_is_not_mixed_with_ours(option):
     flags = {"XLA_FLAGS": f"{option}=x"}
-    prepare(flags, {})
-    assert flags == {"XLA_FLAGS": f"{option}=x", "JAX_ENABLE_X64": "1"}
+    add_options(flags, None)
+    assert flags == {"XLA_FLAGS": f"{option}=x"}
 
 
 def test_careful_where_warnings_are_wanted_or_there_is_an_accelerator(monkeypatch):
     """XLA would warn of every intermediate result; and an accelerator's memory is not to be wasted."""
     wanted = {LOG: "0"}
-    prepare(wanted, {})
+    add_options(wanted, None)
     assert wanted["XLA_FLAGS"].split() == written(CAREFUL) and wanted[LOG] == "0"
-    monkeypatch.setattr(settings, "find_spec", lambda name: name == "jax_plugins")
+    monkeypatch.setattr(xla_options, "find_spec", lambda name: name == "jax_plugins")
     beside = {}
-    prepare(beside, {})
+    add_options(beside, None)
     assert beside["XLA_FLAGS"].split() == written(CAREFUL) and LOG not in beside
 
 
@@ -73,7 +82,7 @@ def test_careful_where_warnings_are_wanted_or_there_is_an_accelerator(monkeypatc
 def test_a_level_of_the_user_stays(variable, value, options):
     """Whatever it is: a word where XLA expects a number does not end the program."""
     flags = {variable: value}
-    prepare(flags, {})
+    add_options(flags, None)
     assert flags["XLA_FLAGS"].split() == written(options) and flags[variable] == value
 
 
@@ -89,11 +98,11 @@ def test_warnings_of_a_jax_that_is_there_already(level, given, options):
     updates = []
     config = SimpleNamespace(jax_logging_level=level, update=lambda *pair: updates.append(pair))
     flags = {LOG: given}
-    prepare(flags, {"jax": SimpleNamespace(config=config)})
+    add_options(flags, SimpleNamespace(config=config))
     assert flags["XLA_FLAGS"].split() == written(options)
     ours = given == "1" and level in (None, "NOTSET")
     told = [("jax_logging_level", "ERROR"), ("jax_logging_level", level)] if ours else []
-    assert updates == [("jax_enable_x64", True), *told]
+    assert updates == told
     assert flags[LOG] == ("2" if ours else given)
 
 
@@ -110,6 +119,7 @@ jax.jit(jax.jacfwd(loop))(jnp.ones(6))
 """
 
 
+@NEEDED
 @pytest.mark.parametrize(("first", "second"), [("jax", "jaxmuscle"), ("jaxmuscle", "jax")])
 def test_intermediate_results_lie_apart_and_nothing_is_said_of_it(tmp_path, first, second):
     """No two buffers of unlike place may overlap: what XLA tells LLVM of them is then true."""
@@ -128,6 +138,7 @@ def test_intermediate_results_lie_apart_and_nothing_is_said_of_it(tmp_path, firs
     assert len(places) > 5 and all(len(each) == 1 for each in places)
 
 
+@NEEDED
 @pytest.mark.parametrize(("first", "second"), [("jax", "jaxmuscle"), ("jaxmuscle", "jax")])
 def test_processes_begun_by_this_one_are_as_quiet(first, second):
     """They inherit the options: workers had filled the screen with warnings."""
@@ -142,9 +153,23 @@ def test_processes_begun_by_this_one_are_as_quiet(first, second):
     assert "per-heap" not in told.stderr
 
 
-def test_an_xla_that_is_not_known_gets_no_options(monkeypatch):
-    """It would end the program at an option that it does not know."""
-    monkeypatch.setattr(settings, "version", lambda _: "0.99.0")
-    flags = {}
-    prepare(flags, {})
-    assert "XLA_FLAGS" not in flags
+@pytest.mark.parametrize(("release", "wanted"), [("0.10.2", True), ("0.12.0.1", False), ("0.99.0", False)])
+def test_only_jaxlib_0_10_gets_options(monkeypatch, release, wanted):
+    """The next ones are as fast without; and XLA ends the program at an option that it does not know."""
+    monkeypatch.setattr(xla_options, "version", lambda _: release)
+    assert needed() is wanted
+    assert (compact() is not None) is wanted
+
+
+def test_what_was_added_can_be_taken_out():
+    flags = {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false"}
+    add_options(flags, None)
+    assert list(present(flags)) == written(WHOLE)
+    remove_options(flags)
+    assert flags["XLA_FLAGS"] == "--xla_cpu_enable_fast_math=false" and present(flags) == ()
+    alone = {}
+    add_options(alone, None)
+    remove_options(alone)
+    assert "XLA_FLAGS" not in alone
+    remove_options(alone)
+    assert "XLA_FLAGS" not in alone
