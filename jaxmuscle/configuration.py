@@ -71,9 +71,9 @@ def configure(*, x64: bool | None = None, xla_options: bool | None = None) -> Co
 
 
 def prepare(environment: Environment = os.environ, modules: Mapping[str, Any] = sys.modules) -> None:
-    """Do what an import of the package does: double precision, options for jaxlib 0.10, a warning if untested.
+    """Switch double precision on, add options for jaxlib 0.10, warn of a release that is not tested.
 
-    JAX is not imported for that, so that the command line answers at once: if it is not there yet, precision
+    Done when the package is imported. JAX is not imported for that, so that the command line answers at once: if it is not there yet, precision
     is switched as soon as it comes (:class:`_PrecisionFinder`). No environment variable is written for it,
     which other programs would inherit.
     """

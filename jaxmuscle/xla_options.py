@@ -10,10 +10,11 @@ from typing import Any
 NEEDED_BY = ("0.10.",)
 """Releases of jaxlib that need the options below.
 
-jaxlib 0.12 without any is as fast as 0.10 with them, compiles sooner and takes less than half the memory. Two
-cores, 0.10.2 with, 0.10.2 without, 0.12.0.1 without, 0.12.0.1 with them: one run 0.78, 2.67, 0.74, 0.74 ms; its
-Jacobian 3.4, 22.4, 3.2, 3.2 ms; the gradient 4.4, 21.4, 4.5, 4.5 ms; first fits of four rigs, compilation
-included, 53 s, not measured, 35 s, 46 s; memory of these 2.7, not measured, 1.1, 2.2 GB; same values.
+jaxlib 0.12 without any is as fast as 0.10 with them, compiles sooner and takes less than half the memory.
+Measured on two cores with 0.10.2 with them, 0.10.2 without, 0.12.0.1 without, 0.12.0.1 with them: one run of
+`benchmarks/peers_ours.py` 0.78, 2.67, 0.74, 0.74 ms; its Jacobian 3.4, 22.4, 3.2, 3.2 ms; its gradient 4.4,
+21.4, 4.5, 4.5 ms. First fits of four rigs, with the first, third and fourth: 53, 35, 46 s and 2.7, 1.1,
+2.2 GB, to the same values.
 """
 SMALL = "xla_cpu_small_while_loop_byte_threshold"
 APART = "xla_multiheap_size_constraint_per_heap"

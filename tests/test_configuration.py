@@ -95,8 +95,8 @@ def test_options_come_too_late_after_a_computation():
 def test_single_precision_is_refused_where_it_would_spoil_the_answer():
     program = (
         "import jaxmuscle as jm\njm.configure(x64=False)\n"
-        "recording = jm.read(jm.sample('lift'))\n"
-        "for verb in (lambda: jm.diagnose(recording), lambda: jm.fit(jm.actuator(recording.card), recording)):\n"
+        "lift = jm.read(jm.sample('lift'))\n"
+        "for verb in (lambda: jm.diagnose(lift), lambda: jm.fit(jm.actuator(lift.card), lift)):\n"
         "    try:\n        verb()\n"
         "    except jm.InputError as error:\n        print(error)"
     )
@@ -123,7 +123,7 @@ def test_only_one_finder_waits_for_jax(monkeypatch):
     for _ in range(2):
         prepare({}, {})
     assert len(sys.meta_path) == before + 1
-    assert sys.meta_path[0].find_spec("numpy") is None
+    assert sys.meta_path[0].find_spec("numpy", None) is None
 
 
 def test_double_precision_is_there_here():
