@@ -73,9 +73,9 @@ def configure(*, x64: bool | None = None, xla_options: bool | None = None) -> Co
 def prepare(environment: Environment = os.environ, modules: Mapping[str, Any] = sys.modules) -> None:
     """Switch double precision on, add options for jaxlib 0.10, warn of a release that is not tested.
 
-    Done when the package is imported. JAX is not imported for that, so that the command line answers at once: if it is not there yet, precision
-    is switched as soon as it comes (:class:`_PrecisionFinder`). No environment variable is written for it,
-    which other programs would inherit.
+    Done when the package is imported. JAX is not imported for that, so that the command line answers at
+    once: if it is not there yet, precision is switched as soon as it comes (:class:`_PrecisionFinder`). No
+    environment variable is written for it, which other programs would inherit.
     """
     jax = modules.get("jax")
     if X64 not in environment:

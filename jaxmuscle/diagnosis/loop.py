@@ -13,6 +13,7 @@ from jaxmuscle.configuration import require_double_precision
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclude import Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
+from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.rank import Candidate, Ranking, rank
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
 from jaxmuscle.diagnosis.workbench import workbench
@@ -73,7 +74,8 @@ def diagnose(
     require_double_precision("a diagnosis")
     begin = time.perf_counter()
     prepared = case(recording, held_out, ignored)
-    bench = workbench(prepared.actuator, prepared.priors, missing(prepared.actuator, catalogue))
+    candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
+    bench = workbench(prepared.actuator, prepared.priors, candidates)
     progress("fitting the declared model")
     declared, _ = bench.fit(bench.model, [], prepared.training.in_parts(PARTS), FIT_STEPS)
     parts = _with_spread(prepared, prepared.training.in_parts(PARTS), declared)

@@ -42,12 +42,12 @@ def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
     """
     track, samples = case.observed.track, case.observed.samples
     substeps = case.problem.substeps
-    rates, readings = _evaluate(model, track, samples, substeps)
+    rates, readings = rates_and_readings(model, track, samples, substeps)
     variance = {name: jnp.zeros_like(values) for name, values in rates.items()}
     for name in model.derivatives:
         spread = case.observed.spread[name]
         shifted = (_shifted(track, name, sign * spread) for sign in (1, -1))
-        up, down = (_evaluate(model, other, samples, substeps)[0] for other in shifted)
+        up, down = (rates_and_readings(model, other, samples, substeps)[0] for other in shifted)
         variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
     return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
 
@@ -57,7 +57,10 @@ def _shifted(track: Track, name: str, shift: Array) -> Track:
 
 
 @eqx.filter_jit
-def _evaluate(model: AbstractActuator, track: Track, samples: int, substeps: int):
+def rates_and_readings(
+    model: AbstractActuator, track: Track, samples: int, substeps: int
+) -> tuple[Arrays, Arrays]:
+    """Rates of the measured states, and readings, that `model` gives at every sample of a measured track."""
     hidden = observe(model, track, samples, substeps)
 
     def instant(row, start):

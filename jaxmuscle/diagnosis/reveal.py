@@ -31,7 +31,7 @@ def reveal(
 
     The fitted declared model would show less: its other parameters are bent to make up for what it lacks.
     Without an effect, what the model lacks is shown against the variable on which it depends most; `None`
-    if it depends on none.
+    if it depends on none, or nothing that is measured moves.
 
     Args:
         model: the final model.
@@ -43,6 +43,8 @@ def reveal(
         key=lambda entry: _size(entry[0] if effect is None else _difference(*entry), entry[2]),
     )
     named = variables(case)
+    if not named:
+        return None
     if effect is None:
         alone = dataclasses.replace(old, values={column: old.values[column]})
         found = dependence(alone, named, case).variables

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
 from jaxmuscle.diagnosis.rates import MissingRate
 from jaxmuscle.fitting.case import Case
 
@@ -28,13 +29,14 @@ class Dependence:
 
 
 def variables(case: Case) -> dict[str, Series]:
-    """The measured variables of a recording, by name: columns, and rates of those that have a rate state.
+    """The measured variables that move, by name: columns, and rates of those that have a rate state.
 
-    The commands, where no state of the rig is measured.
+    The commands, where no state of the rig is measured. A rate moves where its column moves within a segment.
     """
     actuator, measured = case.actuator, case.observed.track.measured
+    moving, within = moving_columns(case), columns_moving_within_a_segment(case)
     if not actuator.measured:
-        return {name: case.recording.columns[name] for name in actuator.commands}
+        return {name: case.recording.columns[name] for name in actuator.commands if name in moving}
     named: dict[str, Series] = {}
     for state, columns in {
         **actuator.measured,
@@ -42,7 +44,8 @@ def variables(case: Case) -> dict[str, Series]:
     }.items():
         table = np.asarray(measured[state]).reshape(case.observed.samples, -1)
         for i, column in enumerate(columns):
-            named[column if state in actuator.measured else state] = table[:, i]
+            if column in (moving if state in actuator.measured else within):
+                named[column if state in actuator.measured else state] = table[:, i]
     return named
 
 

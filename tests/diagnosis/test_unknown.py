@@ -76,6 +76,6 @@ def test_variables_by_name(prepared):
     named = variables(prepared)
     assert set(named) == {"pressure", "position", "velocity"}
     np.testing.assert_array_equal(named["velocity"], prepared.observed.track.measured["velocity"])
-    swing = variables(case(read(sample("swing")).part(0, 600), 0.3))
+    swing = variables(case(read(sample("swing")).part(0, 2000), 0.3))
     assert set(swing) == {"pressure_1", "pressure_2", "angle", "angular_velocity"}
     assert not np.array_equal(swing["pressure_1"], swing["pressure_2"])
