@@ -42,6 +42,8 @@ ON_THE_SIDE = {
     "configuration": {"errors", "xla_options"},
     "xla_options": set(),
     "cores": set(),
+    "interruptible": set(),
+    "progress": set(),
     "formatting": set(),
     "propagator": set(),
 }

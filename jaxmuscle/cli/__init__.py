@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import Annotated
 
 import typer
@@ -38,8 +40,18 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point of the program."""
-    app()
+    """Entry point of the program.
+
+    After Ctrl-C it ends at once: at an ordinary end Python would wait for threads in which XLA is at work.
+    """
+    try:
+        app()
+    except SystemExit as end:
+        if end.code != INTERRUPTED:
+            raise
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
 
 
 def _show_version(wanted: bool) -> None:

@@ -25,6 +25,7 @@ def faults(debug: bool) -> Iterator[None]:
         typer.echo(f"jaxmuscle: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt as error:
+        typer.echo("jaxmuscle: interrupted", err=True)
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:
         if debug:

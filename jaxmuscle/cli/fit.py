@@ -11,6 +11,7 @@ from rich.table import Table
 from jaxmuscle.cli.faults import faults
 from jaxmuscle.cli.shown import list_files, output, progress
 from jaxmuscle.errors import InputError
+from jaxmuscle.interruptible import interruptible
 
 if TYPE_CHECKING:
     from jaxmuscle.estimation import FitResult
@@ -69,19 +70,19 @@ def fit(
         found = [
             read(file, cards[i] if cards else None, resample=resample) for i, file in enumerate(recordings)
         ]
-        result = run(
-            actuator_from_card(found[0].card),
-            found,
-            free or None,
-            loss=loss,
-            noise="estimated" if estimate_noise else None,
-            starts=starts,
-            per_recording=per_recording or (),
-            profiles=profile or (),
-            budget=budget,
-            seed=seed,
-            progress=tell,
-        )
+        asked = {
+            "free": free or None,
+            "loss": loss,
+            "noise": "estimated" if estimate_noise else None,
+            "starts": starts,
+            "per_recording": per_recording or (),
+            "profiles": profile or (),
+            "budget": budget,
+            "seed": seed,
+            "progress": tell,
+        }
+        actuator = actuator_from_card(found[0].card)
+        result = interruptible(lambda: run(actuator, found, **asked), stop=lambda: None)
         tell("writing the results")
         files = write_fit(result, folder)
     _print_fit(result, files)

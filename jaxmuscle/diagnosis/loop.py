@@ -14,14 +14,17 @@ from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclude import Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.excitation import excited
-from jaxmuscle.diagnosis.rank import Candidate, Ranking, rank
+from jaxmuscle.diagnosis.rank import Candidate, Ranking, fold_count, rank
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
 from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.diagnosis.workload import CONCLUSION, DECLARED, REFIT, round_work
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.case import Case, case
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.spread import expected_spread
+from jaxmuscle.interruptible import interruptible
+from jaxmuscle.progress import Meter, Progress
 from jaxmuscle.recordings.recording import Recording
 
 MOST_EFFECTS = 3
@@ -41,7 +44,7 @@ SPREAD = 2.0
 """Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
 
 
-def _silent(message: str) -> None:
+def _silent(progress: Progress) -> None:
     """Progress that goes nowhere."""
 
 
@@ -51,7 +54,7 @@ def diagnose(
     held_out: float | NDArray[np.bool_] = 0.3,
     ignored: NDArray[np.bool_] | None = None,
     catalogue: Sequence[type[AbstractEffect]] = CATALOGUE,
-    progress: Callable[[str], None] = _silent,
+    progress: Callable[[Progress], None] = _silent,
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
 
@@ -65,20 +68,36 @@ def diagnose(
         held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
         ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle).
         catalogue: effects to choose from.
-        progress: called with a line of text at each step.
+        progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
+            `print` will do.
 
     Returns:
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing) or
         "unexplained" (something is, and no effect of the catalogue explains it).
     """
+    meter = Meter(progress)
+    return interruptible(lambda: _diagnosed(recording, held_out, ignored, catalogue, meter), meter.stop)
+
+
+def _diagnosed(
+    recording: Recording,
+    held_out: float | NDArray[np.bool_],
+    ignored: NDArray[np.bool_] | None,
+    catalogue: Sequence[type[AbstractEffect]],
+    meter: Meter,
+) -> Diagnosis:
+    """Arguments as of :func:`diagnose`."""
     require_double_precision("a diagnosis")
     begin = time.perf_counter()
     prepared = case(recording, held_out, ignored)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared.actuator, prepared.priors, candidates)
-    progress("fitting the declared model")
-    declared, _ = bench.fit(bench.model, [], prepared.training.in_parts(PARTS), FIT_STEPS)
-    parts = _with_spread(prepared, prepared.training.in_parts(PARTS), declared)
+    parts = prepared.training.in_parts(PARTS)
+    meter.expect(DECLARED + round_work(candidates, fold_count(parts), again=False) + CONCLUSION)
+    meter.did(0.0, "fitting the declared model")
+    declared, _ = bench.fit(bench.model, [], parts, FIT_STEPS)
+    meter.did(DECLARED, "fitting the declared model with its final weights")
+    parts = _with_spread(prepared, parts, declared)
     declared, _ = bench.fit(declared, [], parts, FIT_STEPS)
     training = _with_spread(prepared, prepared.training, declared)
     declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
@@ -86,18 +105,20 @@ def diagnose(
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
             break
-        ranking = rank(bench, model, [f.effect.name for f in found], parts, progress)
+        ranking = rank(bench, model, [f.effect.name for f in found], parts, meter)
         best = _supported(ranking)
         rounds.append(_round(ranking, best))
         folds = best.folds if best else ranking.folds
         if best is None:
             break
         found.append(best)
-        progress(f"adding {best.effect.name}, refitting everything")
+        meter.expect(REFIT)
+        meter.did(0.0, f"adding {best.effect.name}, refitting everything")
         names = [f.effect.name for f in found]
         begins = (best.model, bench.with_card_values(best.model))
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
-    progress("predicting the held-out data")
+        meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
+    meter.skip_to(CONCLUSION, "predicting the held-out data")
     outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.converged)
     return conclude(prepared, bench, training, outcome, begin)
 

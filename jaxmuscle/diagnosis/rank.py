@@ -5,24 +5,29 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.cores import cores
 from jaxmuscle.diagnosis.candidates import carries_state
 from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
 from jaxmuscle.diagnosis.search import search
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.diagnosis.workload import JUDGEMENT, round_work
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.progress import Meter
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 STEPS = 60
 """Most steps of a fit on the windows of a fold."""
 FEW = 64
 """Blocks below which four folds are made instead of two: half of a short recording determines too little."""
-CORES = 2
-"""Fits that run side by side."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +58,7 @@ def rank(
     model: AbstractActuator,
     accepted: Sequence[str],
     problem: Problem,
-    progress: Callable[[str], None],
+    meter: Meter,
 ) -> Ranking:
     """Rank the candidates that are not yet accepted.
 
@@ -65,17 +70,19 @@ def rank(
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what has to be compiled for itself comes first
     folds = Folds(problem)
-    count = folds.count
-    with ThreadPoolExecutor(CORES) as pool:
-        searched = []
-        for number, found in enumerate(pool.map(lambda e: search(bench, model, accepted, e, problem), rest)):
-            progress(f"tried {rest[number].name} ({number + 1} of {len(rest)})")
-            searched.append(found)
-        progress("judging all on windows that they were not fitted to")
-        models = [(model, list(accepted))]
-        models += [(found, [*accepted, e.name]) for e, found in zip(rest, searched, strict=True)]
-        tasks = [(*entry, fold) for entry in models for fold in range(count)]
-        judged = list(pool.map(lambda task: folds.judged(bench, *task), tasks))
+    if accepted:
+        meter.expect(round_work(rest, folds.count, again=True))
+    searched = _on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
+    models = [(model, list(accepted))]
+    models += [(found, [*accepted, e.name]) for e, found in zip(rest, searched, strict=True)]
+    tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
+
+    def judge(task: tuple[AbstractActuator, list[str], int]) -> tuple[Losses, AbstractActuator]:
+        judged = folds.judged(bench, *task)
+        meter.did(JUDGEMENT, "judging all on windows that they were not fitted to")
+        return judged
+
+    judged, count = _on_all_cores(judge, tasks), folds.count
     losses = [
         np.concatenate([loss for loss, _ in judged[i : i + count]]) for i in range(0, len(judged), count)
     ]
@@ -89,6 +96,24 @@ def rank(
     return Ranking(float(np.expm1(base.mean())), fitted[0], tuple(candidates))
 
 
+def _on_all_cores(function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+    """`function` of every task, as many side by side as there are cores.
+
+    After an error or a Ctrl-C, tasks that have not begun are dropped, and the others are not waited for.
+    """
+    pool = ThreadPoolExecutor(cores(), thread_name_prefix="diagnosis")
+    try:
+        return list(pool.map(function, tasks))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def fold_count(problem: Problem) -> int:
+    """Number of folds into which the blocks of a problem go."""
+    number = int(blocks(len(problem.rows), problem.samples, int(problem.period)).max()) + 1
+    return 4 if number < FEW else 2
+
+
 class Folds:
     """The blocks of a problem in several parts, each with its share of what moves."""
 
@@ -96,7 +121,7 @@ class Folds:
         self.problem = problem
         self.block = blocks(len(problem.rows), problem.samples, int(problem.period))
         number = int(self.block.max()) + 1
-        self.count = 4 if number < FEW else 2
+        self.count = fold_count(problem)
         order = np.argsort(-_extent(problem, self.block), kind="stable")
         self.fold_of = np.empty(number, dtype=int)
         self.fold_of[order] = np.arange(number) % self.count

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.candidates import linear_strength, shapes, strength_path, strengths
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.diagnosis.workload import SEARCH_STEPS, search_work
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.parameters import parameters, replace
+from jaxmuscle.progress import Meter
 
 SHORT_STEPS, LONG_STEPS = 12, 60
 """Steps of the fit from each base, and of the better one of them to its end."""
@@ -21,6 +23,7 @@ def search(
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
+    meter: Meter,
 ) -> AbstractActuator:
     """`model` with `effect` added and everything fitted to `problem`.
 
@@ -29,10 +32,12 @@ def search(
     of its own. Each begins where the cost is least among several strengths of several shapes.
     """
     names = [*accepted, effect.name]
-    fits = []
+    work, parts, fits = search_work(effect, again=bool(accepted)), iter(SEARCH_STEPS), []
     for base in (model, bench.with_card_values(model)):
         begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
+        meter.did(next(parts) * work, f"trying {effect.name}")
         fits.append(bench.fit(begin, names, problem, SHORT_STEPS))
+        meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
     return best if minimum.converged else bench.fit(best, names, problem, LONG_STEPS)[0]
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.interruptible import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.report.sweep_figure import draw_sweep
 from jaxmuscle.sweeps import FailedPoints, sweep
@@ -49,18 +50,17 @@ def swept_files(
         raise InputError("--over: expected each name once")
     with _client(scheduler) as client, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FailedPoints)
-        found = sweep(
-            bench.actuator,
-            given,
-            command=bench.command,
-            times=_times(duration, step or bench.actuator.largest_step),
-            outputs=outputs,
-            reductions=reductions,
-            memory=memory * GIB,
-            progress=True,
-            store=out if out.suffix == ".zarr" else None,
-            client=client,
-        )
+        asked: Any = {
+            "command": bench.command,
+            "times": _times(duration, step or bench.actuator.largest_step),
+            "outputs": outputs,
+            "reductions": reductions,
+            "memory": memory * GIB,
+            "progress": True,
+            "store": out if out.suffix == ".zarr" else None,
+            "client": client,
+        }
+        found = interruptible(lambda: sweep(bench.actuator, given, **asked), stop=lambda: None)
         if out.suffix == ".nc":
             _write_netcdf(found, out)
         files = [out]
