@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 
 class InputError(ValueError):
@@ -50,33 +49,3 @@ def nearest(name: str, options: Iterable[str], *, all_if_none_near: bool = True)
     if not all_if_none_near:
         return ""
     return f"; expected one of {', '.join(by_lower.values())}" if by_lower else "; there is none"
-
-
-def existing_file(path: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
-    """`path` when it is a file.
-
-    Args:
-        path: where the file should be.
-        kind: what it is, in the words of the message ("card", "recording").
-        suffixes: endings of such files; those in the same folder are listed in the message.
-
-    Raises:
-        InputError: there is no such file.
-    """
-    if path.is_file():
-        return path
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; expected a {kind} ({' or '.join(suffixes)})")
-    if not path.parent.is_dir():
-        raise InputError(f"no {kind} {str(path)!r}: there is no folder {str(path.parent)!r}")
-    others = sorted(file.name for file in path.parent.iterdir() if file.suffix.lower() in suffixes)
-    hint = nearest(path.name, others[:20]) if others else f"; the folder holds no {' or '.join(suffixes)}"
-    raise InputError(f"no {kind} {path.name!r} in {str(path.parent.resolve())!r}{hint}")
-
-
-def file_content(path: Path) -> bytes:
-    """The bytes of a file; `InputError` when it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error

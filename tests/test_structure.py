@@ -14,6 +14,7 @@ import jaxmuscle
 ROOT = Path(jaxmuscle.__file__).parent
 ORDER = (
     "errors",
+    "files",
     "parameters",
     "signals",
     "components",

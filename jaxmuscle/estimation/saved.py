@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import jaxmuscle
-from jaxmuscle.errors import InputError, existing_file, file_content
+from jaxmuscle.errors import InputError
+from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.fitted import Fitted, Noise, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined
@@ -39,13 +38,8 @@ def save(result: FitData, path: str | Path) -> Path:
     """
     file = Path(path)
     text = as_toml(_content(result)) if _is_toml(file) else as_json(result)
-    try:
-        handle, waiting = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as opened:
-            opened.write(text)
-        Path(waiting).replace(file)
-    except OSError as error:
-        raise InputError(f"cannot write {str(file)!r}: {error.strerror}") from error
+    with atomic_write(file) as (unfinished,):
+        unfinished.write_text(text, encoding="utf-8", newline="\n")
     return file
 
 

@@ -13,7 +13,8 @@ from jaxmuscle.actuators import rig_named
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects import BY_NAME
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.errors import InputError, existing_file, file_content, nearest
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.quantity import ColumnSpec, Quantity, written_deviation, written_quantity
 from jaxmuscle.recordings.schema import AMBIENT, Need

@@ -6,7 +6,8 @@ import hashlib
 from pathlib import Path
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.errors import InputError, Problems, existing_file, file_content
+from jaxmuscle.errors import InputError, Problems
+from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.checks import check_clock, check_horizon, check_regular, check_signals, is_regular

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import pretty, printed_unit
 from jaxmuscle.report.style import AFTER, STYLE, figure
 from jaxmuscle.sweeps.columns import TIME
@@ -41,7 +42,8 @@ def draw_sweep(sweep: xr.Dataset, written: Written, file: Path) -> None:
             _draw(panel, sweep[name], written)
         for panel in panels[len(names) :]:
             panel.set_axis_off()
-        drawing.savefig(file, dpi=130)
+        with atomic_write(file) as (unfinished,):
+            drawing.savefig(unfinished, dpi=130)
 
 
 def _draw(axes: Axes, values: xr.DataArray, written: Written) -> None:

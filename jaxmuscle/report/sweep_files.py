@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.interruptible import interruptible
+from jaxmuscle.files import atomic_write
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.report.sweep_figure import draw_sweep
 from jaxmuscle.sweeps import FailedPoints, sweep
@@ -62,7 +62,8 @@ def swept_files(
         }
         found = interruptible(lambda: sweep(bench.actuator, given, **asked), stop=lambda: None)
         if out.suffix == ".nc":
-            _write_netcdf(found, out)
+            with atomic_write(out) as (unfinished,):
+                found.to_netcdf(unfinished)
         files = [out]
         if picture:
             files.append(out.with_suffix(".png"))
@@ -82,16 +83,6 @@ def _check_place(out: Path) -> None:
         raise InputError(f"--out {out}: expected a name that ends in {' or '.join(SUFFIXES)}")
     if not out.absolute().parent.is_dir():
         raise InputError(f"--out {out}: there is no folder {str(out.absolute().parent)!r}")
-
-
-def _write_netcdf(found: xr.Dataset, out: Path) -> None:
-    """Whole or not at all."""
-    unfinished = out.with_name(f".{out.name}.part")
-    try:
-        found.to_netcdf(unfinished)
-        unfinished.replace(out)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

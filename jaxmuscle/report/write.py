@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate
 from jaxmuscle.errors import InputError
+from jaxmuscle.files import atomic_write
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card import Estimate as CardEstimate
@@ -78,28 +78,13 @@ def _card_estimate(estimate: Estimate) -> CardEstimate:
 
 
 def placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write `texts` beside their places, then rename them all."""
-    waiting: dict[Path, Path] = {}
+    """Write `texts`, by names, into `folder`: all of them, or none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            handle, temporary = tempfile.mkstemp(dir=folder, prefix=f".{name}.")
-            waiting[Path(temporary)] = folder / name
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-            # mkstemp makes files for their owner only; a result is as readable as any other file.
-            Path(temporary).chmod(0o666 & ~_umask())
-        for temporary, place in waiting.items():
-            temporary.replace(place)
     except OSError as error:
         raise InputError(f"cannot write into {str(folder)!r}: {error.strerror}") from error
-    finally:
-        for temporary in waiting:
-            temporary.unlink(missing_ok=True)
-    return list(waiting.values())
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    files = [folder / name for name in texts]
+    with atomic_write(*files) as unfinished:
+        for file, text in zip(unfinished, texts.values(), strict=True):
+            file.write_text(text, encoding="utf-8", newline="\n")
+    return files

@@ -186,6 +186,12 @@ def test_nowhere_to_write(result, tmp_path):
         result.save(tmp_path / "absent" / "fit.json")
 
 
+@pytest.mark.parametrize("name", ["fit.json", "fit.toml"])
+def test_the_file_is_as_readable_as_any_other(result, tmp_path, name):
+    (tmp_path / "other").write_text("")
+    assert result.save(tmp_path / name).stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
 def test_the_figure(result, tmp_path):
     figure = result.plot("long")
     figure.savefig(tmp_path / "fit.png", dpi=40)

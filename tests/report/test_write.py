@@ -69,10 +69,10 @@ def test_nothing_is_written_when_rendering_fails(tmp_path: Path, monkeypatch: py
 def test_old_files_stay_whole_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "result.json").write_text("old")
 
-    def full(handle: int, *args: object, **options: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("os.fdopen", full)
+    monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(InputError, match="No space left"):
         write(diagnosis("complete"), tmp_path, report=False)
     monkeypatch.undo()
