@@ -11,7 +11,20 @@ from typing import TYPE_CHECKING, Any
 from jaxmuscle.configuration import configure, prepare
 
 if TYPE_CHECKING:
-    from jaxmuscle import actuators, components, control, effects, robot
+    from jaxmuscle import (
+        actuators,
+        analysis,
+        components,
+        control,
+        effects,
+        estimation,
+        hysteresis,
+        parameters,
+        recordings,
+        robot,
+        signals,
+        simulation,
+    )
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
@@ -34,20 +47,27 @@ _PLACES = {
     "Recording": ("jaxmuscle.recordings", "Recording"),
     "actuator": ("jaxmuscle.recordings", "actuator_from_card"),
     "actuators": ("jaxmuscle.actuators", None),
+    "analysis": ("jaxmuscle.analysis", None),
     "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
     "control": ("jaxmuscle.control", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
     "effects": ("jaxmuscle.effects", None),
+    "estimation": ("jaxmuscle.estimation", None),
     "fit": ("jaxmuscle.estimation", "fit"),
+    "hysteresis": ("jaxmuscle.hysteresis", None),
     "parameter": ("jaxmuscle.parameters", "parameter"),
+    "parameters": ("jaxmuscle.parameters", None),
     "read": ("jaxmuscle.recordings", "read"),
     "recording": ("jaxmuscle.recordings", "recording"),
+    "recordings": ("jaxmuscle.recordings", None),
     "replace": ("jaxmuscle.parameters", "replace"),
     "robot": ("jaxmuscle.robot", None),
     "sample": ("jaxmuscle.samples", "sample"),
+    "signals": ("jaxmuscle.signals", None),
     "simulate": ("jaxmuscle.recordings.simulated", "simulate"),
+    "simulation": ("jaxmuscle.simulation", None),
     "sweep": ("jaxmuscle.sweeps", "sweep"),
 }
 
@@ -59,6 +79,7 @@ __all__ = [
     "Recording",
     "actuator",
     "actuators",
+    "analysis",
     "commands",
     "components",
     "configure",
@@ -66,14 +87,20 @@ __all__ = [
     "describe",
     "diagnose",
     "effects",
+    "estimation",
     "fit",
+    "hysteresis",
     "parameter",
+    "parameters",
     "read",
     "recording",
+    "recordings",
     "replace",
     "robot",
     "sample",
+    "signals",
     "simulate",
+    "simulation",
     "sweep",
 ]
 

@@ -31,10 +31,14 @@ def telling_column(diagnosis: Diagnosis) -> str:
 
 
 def indistinguishable(diagnosis: Diagnosis) -> list[str]:
-    """Runners-up that predict unseen windows no worse than the effect that was added first, in words."""
+    """Runners-up that predict unseen windows no worse than the effect that was added first, in words.
+
+    Those that were added later are no rivals of it: the model has both.
+    """
     if not diagnosis.effects:
         return []
-    return [words(a.name) for a in diagnosis.alternatives if not a.told_apart]
+    added = {effect.name for effect in diagnosis.effects}
+    return [words(a.name) for a in diagnosis.alternatives if not a.told_apart and a.name not in added]
 
 
 def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:

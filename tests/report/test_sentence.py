@@ -4,7 +4,8 @@ import dataclasses
 
 from report.fake import diagnosis
 
-from jaxmuscle.report.sentence import sentence
+from jaxmuscle.effects import LoadDamping
+from jaxmuscle.report.sentence import indistinguishable, sentence
 
 
 def test_effects_found_names_the_fall_and_the_effect() -> None:
@@ -35,6 +36,22 @@ def test_what_cannot_be_told_apart_is_said() -> None:
     tied = [dataclasses.replace(a, told_apart=a.name != "load_damping") for a in first.ranking]
     doubtful = dataclasses.replace(found, rounds=(dataclasses.replace(first, ranking=tuple(tied)),))
     assert sentence(doubtful).endswith("16.2 ± 0.4 N, from which load damping cannot be told apart here.")
+
+
+def test_an_effect_that_was_added_later_is_no_rival_of_the_first() -> None:
+    found = diagnosis("effects found")
+    first = found.rounds[0]
+    told = {"load_damping": False, "creep": False}
+    ranking = tuple(dataclasses.replace(a, told_apart=told.get(a.name, True)) for a in first.ranking)
+    damping = dataclasses.replace(found.effects[0], name="load_damping", parameters={})
+    both = dataclasses.replace(
+        found,
+        effects=(*found.effects, damping),
+        rounds=(dataclasses.replace(first, ranking=ranking), found.rounds[1]),
+        model=found.model.with_effects(load_damping=LoadDamping(coefficient=3.0)),  # pyright: ignore
+    )
+    assert indistinguishable(both) == ["creep"]
+    assert "from which creep cannot be told apart here." in sentence(both)
 
 
 def test_an_error_that_stays_large_is_said() -> None:
