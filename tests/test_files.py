@@ -65,13 +65,15 @@ def test_a_reader_never_sees_half_a_file(tmp_path):
 
 
 def test_where_nothing_can_be_written(tmp_path):
-    with pytest.raises(InputError, match="cannot write .*absent.*No such file"), atomic_write(
-        tmp_path / "absent" / "file"
+    with (
+        pytest.raises(InputError, match="cannot write .*absent.*No such file"),
+        atomic_write(tmp_path / "absent" / "file"),
     ):
         pass
     (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match="folder': it is a folder"), atomic_write(
-        tmp_path / "other", tmp_path / "folder"
+    with (
+        pytest.raises(InputError, match="folder': it is a folder"),
+        atomic_write(tmp_path / "other", tmp_path / "folder"),
     ):
         pass
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]

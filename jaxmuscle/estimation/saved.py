@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 
 import jaxmuscle
 from jaxmuscle.errors import InputError
-from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.fitted import Fitted, Noise, StartOutcome
 from jaxmuscle.estimation.identifiability import Undetermined
@@ -21,6 +20,7 @@ from jaxmuscle.estimation.profile import Profile
 from jaxmuscle.estimation.rough import RoughWindow
 from jaxmuscle.estimation.toml import as_toml
 from jaxmuscle.estimation.whiteness import ResidualTest
+from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.recordings.card import Card
 
 KIND = "jaxmuscle fit"

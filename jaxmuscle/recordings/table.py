@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+import itertools
+import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,12 @@ from scipy.io.matlab import MatReadError
 from jaxmuscle.errors import InputError, nearest
 
 SUFFIXES = (".csv", ".mat")
+SEPARATORS = {";": "semicolons", "\t": "tabs"}
+"""What columns are separated by in tables that are not read, for the message."""
+ROWS_SEEN = 20
+"""Rows from which the separator is told."""
+NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +65,9 @@ class Table:
         got = repr(entry) if isinstance(entry, str) else "an empty field or NaN" if pd.isna(entry) else entry
         count = "" if bad.size == 1 else f" ({bad.size} such rows)"
         remedy = "mend or cut out such rows"
-        if isinstance(entry, str) and bad[0] == 0 and bad.size == 1:
+        if isinstance(entry, str) and DECIMAL_COMMA.fullmatch(entry.strip()):
+            remedy = "write numbers with points, not commas"
+        elif isinstance(entry, str) and bad[0] == 0 and bad.size == 1:
             remedy = "if this is a line of units, remove it: units stand in the card"
         return f"row {self.row(bad[0])}: expected a number; got {got}{count}; {remedy}"
 
@@ -76,8 +86,8 @@ def read_table(path: Path, content: bytes) -> Table:
 
 def _read_csv(path: Path, content: bytes) -> Table:
     try:
-        header = content.decode("utf-8-sig").partition("\n")[0]
-        names = [name.strip() for name in next(csv.reader([header]), [])]
+        text = content.decode("utf-8-sig")
+        names = _names(path, text)
         # Blank lines stay rows, so that the numbers of rows are those of the file.
         frame = pd.read_csv(
             io.BytesIO(content),
@@ -92,21 +102,58 @@ def _read_csv(path: Path, content: bytes) -> Table:
     except (pd.errors.EmptyDataError, pd.errors.ParserError, csv.Error) as error:
         reason = str(error).strip().removeprefix("Error tokenizing data. C error: ")
         raise InputError(f"{path}: cannot be read as a comma-separated table: {reason}") from error
-    _check_header(path, header, names, frame)
+    _check_header(path, names, frame)
     frame.columns = names
     filled = np.flatnonzero(frame.notna().any(axis=1).to_numpy())
     frame = frame.iloc[: filled[-1] + 1] if filled.size else frame.iloc[:0]
     return Table(path, {name: frame[name] for name in names}, first_row=2)
 
 
-def _check_header(path: Path, header: str, names: list[str], frame: pd.DataFrame) -> None:
-    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
-        if len(names) == 1 and separator in header:
+def _names(path: Path, text: str) -> list[str]:
+    """The names in row 1; `InputError` when the table is separated by something else than commas."""
+    first = list(itertools.islice(io.StringIO(text, newline=""), ROWS_SEEN))
+    as_commas = list(_rows(first, ","))
+    for separator, name in SEPARATORS.items():
+        rows = list(_rows(first, separator))
+        if _holds_together(rows) and (not _holds_together(as_commas) or _all_numbers(rows)):
             raise InputError(
-                f"{path}: columns are separated by {name}; expected commas, with points in the numbers"
+                f"{path}: columns are separated by {name}; expected commas, with points in the numbers. "
+                f"Export it so, or replace them"
             )
+    names = as_commas[0] if as_commas else []
+    if names and 2 * sum(len(row) > len(names) for row in as_commas[1:]) > len(as_commas) - 1:
+        raise _longer(path, names)
+    return names
+
+
+def _longer(path: Path, names: list[str]) -> InputError:
+    return InputError(
+        f"{path}: rows hold more fields than row 1 holds names ({len(names)}); mend row 1, or write points "
+        f"in the numbers if they have commas"
+    )
+
+
+def _rows(lines: list[str], separator: str) -> Iterator[list[str]]:
+    """The fields of all lines that are not blank; a separator within quotes is part of a name."""
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    return ([field.strip() for field in row] for row in reader if any(field.strip() for field in row))
+
+
+def _holds_together(rows: list[list[str]]) -> bool:
+    """Whether there are several columns, and most rows have as many fields as the first has names."""
+    if not rows or len(rows[0]) < 2:
+        return False
+    return 2 * sum(len(row) == len(rows[0]) for row in rows[1:]) >= len(rows) - 1
+
+
+def _all_numbers(rows: list[list[str]]) -> bool:
+    """Whether most rows below the names hold numbers only, with points or commas."""
+    return 2 * sum(all(NUMBER.fullmatch(field) for field in row) for row in rows[1:]) > len(rows) - 1
+
+
+def _check_header(path: Path, names: list[str], frame: pd.DataFrame) -> None:
     if not isinstance(frame.index, pd.RangeIndex) or len(frame.columns) != len(names):
-        raise InputError(f"{path}: rows hold more fields than row 1 holds names ({len(names)}); mend row 1")
+        raise _longer(path, names)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{path}, row 1: several columns named {', '.join(map(repr, twice))}; rename them")

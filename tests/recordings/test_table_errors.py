@@ -75,6 +75,65 @@ def test_another_separator(lift, separator: str, word: str) -> None:
     assert word in complaint and "commas" in complaint
 
 
+def spread(lift, header: str, separator: str, comma: str = ".") -> None:
+    """The table with another header and separator, and `comma` in its numbers."""
+    rows = [line.split(",") for line in lift.table.read_text().splitlines()[1:]]
+    lines = [separator.join(field.replace(".", comma) for field in row) for row in rows]
+    lift.table.write_text("\n".join([header, *lines]) + "\n")
+
+
+HEADERS = {
+    "plain": "t_s{0}valve_V{0}p_bar{0}x_mm",
+    "commas": "time, s{0}valve, V{0}pressure, bar{0}position, mm",
+    "one comma": "t_s{0}valve_V{0}p_bar{0}position, mm",
+    "quoted": '"time, s"{0}"valve; V"{0}"p\tbar"{0}"x_mm"',
+}
+
+
+@pytest.mark.parametrize("comma", [".", ","])
+@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs")])
+@pytest.mark.parametrize("header", HEADERS)
+def test_another_separator_under_any_header(lift, header: str, separator: str, word: str, comma: str) -> None:
+    spread(lift, HEADERS[header].format(separator), separator, comma)
+    complaint = lift.complaint()
+    for expected in ["lift.csv", f"separated by {word}", "expected commas, with points"]:
+        assert expected in complaint
+
+
+def test_names_in_quotes_hold_any_separator(lift) -> None:
+    """Also after a blank, and where all names hold the same other separator."""
+    whole = read(lift.table).columns["position"]
+    card = lift.card.read_text(encoding="utf-8")
+    for names in (["t;s", "valve;V", "p;bar", "x;mm"], ["t,s", "valve, V", "p,bar", "x;mm"]):
+        lift.line(1, ", ".join(f'"{name}"' for name in names))
+        named = card
+        for old, new in zip(["t_s", "valve_V", "p_bar", "x_mm"], names, strict=True):
+            named = named.replace(f'"{old}"', f'"{new}"')
+        lift.card.write_text(named, encoding="utf-8")
+        np.testing.assert_array_equal(read(lift.table).columns["position"], whole)
+
+
+def test_a_column_of_remarks_with_semicolons_is_no_separator(lift) -> None:
+    lift.change(lambda table: table.assign(**{"remark; or none": "slow; steady"}))
+    assert len(read(lift.table)) == 6000
+
+
+def test_numbers_with_commas_between_commas(lift) -> None:
+    spread(lift, "t_s,valve_V,p_bar,x_mm", ",", ",")
+    complaint = lift.complaint()
+    assert (
+        "more fields than row 1 holds names (4)" in complaint and "write points in the numbers" in complaint
+    )
+
+
+def test_numbers_with_commas_in_quotes(lift) -> None:
+    table = pd.read_csv(lift.table).astype(str).map(lambda text: text.replace(".", ","))
+    table.to_csv(lift.table, index=False)
+    complaint = lift.complaint()
+    assert "'0,002'" in complaint or "'0,0'" in complaint
+    assert "write numbers with points, not commas" in complaint
+
+
 def test_a_row_with_too_many_fields(lift) -> None:
     lift.line(17, "0.03,5,0.2,0.1,7")
     complaint = lift.complaint()
