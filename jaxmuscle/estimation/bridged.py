@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from jaxmuscle.recordings.smooth import quantisation_step
+
 Values = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
@@ -64,7 +66,8 @@ def noise_beside_gaps(values: Values, bad: Rows, breaks: Sequence[int] = ()) -> 
     By fourth differences, as :func:`jaxmuscle.recordings.smooth.noise_level`, where five readings follow each
     other; bridged gaps are smoother than any reading and would make little of the noise. Where these are too
     few, by fourth divided differences of five readings with gaps between them, the narrowest first, each in
-    units of its own standard deviation. Zero for fewer than five readings.
+    units of its own standard deviation. Not below that of a converter's steps. Zero for fewer than five
+    readings.
     """
     signs, widths = [np.zeros(0)], [np.zeros(0)]
     for begin, end in itertools.pairwise((0, *breaks, len(values))):
@@ -82,4 +85,5 @@ def noise_beside_gaps(values: Values, bad: Rows, breaks: Sequence[int] = ()) -> 
         return 0.0
     widest = np.sort(width)[min(STENCILS, len(width)) - 1]
     kept = differences[width <= widest * (1 + 1e-9)]
-    return float(1.4826 * np.median(np.abs(kept - np.median(kept))))
+    spread = 1.4826 * np.median(np.abs(kept - np.median(kept)))
+    return float(max(spread, quantisation_step(values[~bad]) / np.sqrt(12.0)))

@@ -11,19 +11,47 @@ WINDOWS = (7, 11, 15, 21, 31, 45, 65, 91, 131)
 CONFIDENCE = 2.5
 """Half-width of the confidence intervals in standard deviations."""
 
+LEVELS = 32
+"""Fewest values that make a signal a quantised one."""
+STAYS = 0.1
+"""Least part of these that the signal has to show twice in a row."""
+
 Series = NDArray[np.float64]
 Widths = NDArray[np.int64]
 
 
 def noise_level(values: Series) -> float:
-    """Standard deviation of the white noise on a smooth signal, from its fourth differences.
+    r"""Standard deviation of the white noise on a smooth signal, from its fourth differences.
 
-    The median makes it deaf to the few samples around a kink. Zero for fewer than five samples.
+    The median makes it deaf to the few samples around a kink. Never below :math:`q/\sqrt{12}`, the deviation
+    of an error that is uniform over one step q of the converter (Widrow and Kollár, Quantization Noise, 2008,
+    chapter 1): a slow signal that is read in steps has differences of zero. Zero for fewer than five samples.
     """
     if len(values) < 5:
         return 0.0
     fourth = np.diff(values, n=4)
-    return float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0))
+    spread = 1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0)
+    return float(max(spread, quantisation_step(values) / np.sqrt(12.0)))
+
+
+def quantisation_step(values: Series) -> float:
+    """Step q of the converter that a signal was read with; zero where none is seen.
+
+    The smallest spacing of the values that occur, if most neighbours are that far apart (a quarter more or
+    less, for values that were rounded once more when they were written), there are at least `LEVELS` of them,
+    and the signal stays on a part of them from one sample to the next: equal steps alone can be those of a
+    ramp without noise. A staircase of fewer levels is taken for what the signal really did.
+    """
+    levels = np.unique(values)
+    if len(levels) < LEVELS:
+        return 0.0
+    stays = np.unique(values[1:][np.diff(values) == 0])
+    spacings = np.diff(levels)
+    smallest = np.quantile(spacings, 0.05)
+    single = spacings[(spacings > 0.75 * smallest) & (spacings < 1.25 * smallest)]
+    if len(stays) < STAYS * len(levels) or 2 * len(single) < len(spacings):
+        return 0.0
+    return float(np.median(single))
 
 
 def smooth(

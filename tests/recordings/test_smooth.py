@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from jaxmuscle.recordings.smooth import ORDER, WINDOWS, noise_level, smooth
+from jaxmuscle.recordings.smooth import ORDER, WINDOWS, noise_level, quantisation_step, smooth
 
 STEP = 0.01
 TIME = np.arange(3000) * STEP
@@ -32,6 +32,54 @@ def test_noise_level_is_deaf_to_steps():
     noise = 0.02 * np.random.default_rng(3).normal(size=len(TIME))
     assert noise_level(steps + noise) == pytest.approx(0.02, rel=0.1)
     assert noise_level(steps) == 0.0
+
+
+STEPPED = 3.3 + 100 * np.sin(0.5 * OMEGA * TIME)
+"""In units of a converter's step: at most one step from one sample to the next."""
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("step", [1.0, 5 / 4096])
+def test_noise_level_of_a_quantised_signal(noise, step):
+    """Within a factor of two of what the readings are really off by; 0 without the step's own part."""
+    true = STEPPED + noise * np.random.default_rng(3).normal(size=len(TIME))
+    read = step * np.round(true)
+    assert quantisation_step(read) == pytest.approx(step)
+    off = rms(read - step * STEPPED)
+    assert off / 2 < noise_level(read) < 2 * off
+    assert noise_level(read) >= 0.999 * step / np.sqrt(12)
+
+
+def test_quantised_and_rounded_again_when_it_was_written():
+    step = 5 / 4096
+    read = np.round(step * np.round(STEPPED), 4)
+    assert quantisation_step(read) == pytest.approx(step, rel=0.1)
+    assert 0.9 * step / np.sqrt(12) < noise_level(read) < 2 * step / np.sqrt(12)
+
+
+@pytest.mark.parametrize("digits", [4, 6])
+def test_digits_far_below_the_noise_change_nothing(digits):
+    printed = np.array([float(f"{value:.{digits}g}") for value in NOISY])
+    fourth = np.diff(printed, n=4)
+    plain = 1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0)
+    assert noise_level(printed) == plain == pytest.approx(NOISE, rel=0.1)
+
+
+NEVER_READ_IN_STEPS = {
+    "noise": NOISY,
+    "sine of whole samples a period": np.sin(2 * np.pi * np.arange(len(TIME)) / 500),
+    "ramp": 0.37 * TIME,
+    "triangle": np.abs((0.5 * TIME) % 2 - 1),
+    "trapezium": np.clip(2 * np.abs((0.5 * TIME) % 2 - 1) - 0.5, 0, 1),
+    "on a plate": np.maximum(np.sin(OMEGA * TIME), 0),
+    "held at random": np.repeat(np.random.default_rng(1).normal(size=60), 50),
+    "staircase": np.floor(TIME / 1.7),
+}
+
+
+@pytest.mark.parametrize("name", NEVER_READ_IN_STEPS)
+def test_signals_without_a_converter_have_no_step(name):
+    assert quantisation_step(NEVER_READ_IN_STEPS[name]) == 0.0
 
 
 def test_smooth_is_nearer_to_a_sine_than_the_samples():
