@@ -12,6 +12,7 @@ from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
 from jaxmuscle.effects.hysteresis import LengthHysteresis
 from jaxmuscle.effects.load import Gravity, LoadDamping
 from jaxmuscle.effects.muscle import MuscleMismatch, PressureDependentEnds
+from jaxmuscle.effects.registry import BY_NAME, is_registered, register
 from jaxmuscle.effects.sensor import ForceSensorLag
 from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
 from jaxmuscle.effects.viscoelastic import Creep
@@ -37,7 +38,8 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
 ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
 """Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
 
-BY_NAME: dict[str, type[AbstractEffect]] = {e.name: e for e in (*CATALOGUE, *ALTERNATIVE_FORMS)}
+for _effect in (*CATALOGUE, *ALTERNATIVE_FORMS):
+    register(_effect)
 
 __all__ = [
     "ALTERNATIVE_FORMS",
@@ -63,4 +65,6 @@ __all__ = [
     "PressureDependentEnds",
     "ThreadFriction",
     "ValveHysteresis",
+    "is_registered",
+    "register",
 ]

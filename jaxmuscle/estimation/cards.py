@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+
+import numpy as np
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.data import FitData
 from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.parameters import get, parameters
-from jaxmuscle.recordings.card import Card, Estimate, actuator_from_card
+from jaxmuscle.recordings.card import Card, Estimate, actuator_from_card, can_declare
 
 EFFECTS = "effects."
 
@@ -31,7 +32,8 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
     """The card of a recording with fitted values; a machine built from it equals the fitted one.
 
     Quantities that were not fitted, but differ from the card, become known ones of the machine's value. A
-    card has no place for the offset of a sensor or for an initial state: they are told in the description.
+    card has no place for the offset of a sensor, for an initial state, or for an effect whose class is not
+    registered or has arrays: they are told in the description.
     """
     number = number_of(result, recording)
     label, card = list(result.cards.items())[number]
@@ -41,11 +43,16 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
     for name, path in actuator.quantities.items():
         if float(get(actuator, path)) != declared[path].value:
             values[name] = (float(get(actuator, path)), None)
-    for path, entry in parameters(actuator).items():
-        if path.startswith(EFFECTS) and (path not in declared or declared[path].value != entry.value):
-            _, effect, parameter = path.split(".", 2)
-            effects.setdefault(effect, {})[parameter] = (float(entry.value), None)
+    holds = {name for name, effect in actuator.effects.items() if can_declare(name, effect)}
     told = []
+    for path, entry in parameters(actuator).items():
+        if not path.startswith(EFFECTS):
+            continue
+        _, effect, parameter = path.split(".", 2)
+        if effect not in holds:
+            told.append(f"{path} = {np.asarray(entry.value).tolist()} {entry.unit}".rstrip())
+        elif path not in declared or declared[path].value != entry.value:
+            effects.setdefault(effect, {})[parameter] = (float(entry.value), None)
     for name, fitted in result.parameters.items():
         if fitted.recording not in (None, label):
             continue
@@ -54,14 +61,11 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
             told.append(f"{name} = {fitted.value:g} {fitted.unit}")
         elif fitted.path.startswith(EFFECTS):
             _, effect, parameter = fitted.path.split(".", 2)
-            effects.setdefault(effect, {})[parameter] = estimate
+            if effect in holds:
+                effects.setdefault(effect, {})[parameter] = estimate
         else:
             values[_card_name(actuator, fitted.path)] = estimate
-    updated = card.updated(values, effects)
-    if told:
-        text = f"{card.description} Fitted beside it, not part of this card: {', '.join(told)}."
-        updated = dataclasses.replace(updated, description=text.strip())
-    return updated
+    return card.updated(values, effects).telling(told)
 
 
 def _card_name(actuator: AbstractActuator, path: str) -> str:

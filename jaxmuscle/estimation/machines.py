@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.effects import BY_NAME
+from jaxmuscle.effects import BY_NAME, is_registered
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings import schema
@@ -22,11 +22,12 @@ def written_machine(actuator: AbstractActuator) -> dict[str, Any]:
     Raises:
         InputError: the machine is of a rig, or has an effect, that a file cannot name.
     """
-    if RIGS.get(actuator.rig) is not type(actuator) or not set(actuator.effects) <= set(BY_NAME):
+    known = all(is_registered(name, effect) for name, effect in actuator.effects.items())
+    if RIGS.get(actuator.rig) is not type(actuator) or not known:
         raise InputError(
             f"a machine of type {type(actuator).__name__} with effects {', '.join(actuator.effects) or '-'} "
-            f"cannot be saved: only registered rigs (jaxmuscle.actuators.register) and the effects of the "
-            f"package have names in a file"
+            f"cannot be saved: only registered rigs (jaxmuscle.actuators.register) and effects "
+            f"(jaxmuscle.effects.register) have names in a file"
         )
     values = {path: np.asarray(entry.value).tolist() for path, entry in parameters(actuator).items()}
     return {"rig": actuator.rig, "values": values, "effects": list(actuator.effects)}
@@ -36,11 +37,16 @@ def machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
     """The machine that a file keeps.
 
     Raises:
-        InputError: its rig is unknown here.
+        InputError: its rig, or one of its effects, is unknown here.
     """
     if data["rig"] not in RIGS:
         raise InputError(
             f"{file}: rig {data['rig']!r} is unknown; if it is your own, import and register it first"
+        )
+    if unknown := [name for name in data["effects"] if name not in BY_NAME]:
+        raise InputError(
+            f"{file}: effect {', '.join(map(repr, unknown))} is unknown; if it is your own, import and "
+            f"register it first"
         )
     values: dict[str, Any] = dict(data["values"])
     effects = {}

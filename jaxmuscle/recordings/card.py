@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jaxmuscle.actuators import rig_named
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.effects import BY_NAME
+from jaxmuscle.effects import BY_NAME, is_registered
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
@@ -114,6 +116,13 @@ class Card:
             self, known=known, uncertain=uncertain, effects=declared, file=None, text=None
         )
 
+    def telling(self, told: Sequence[str]) -> Card:
+        """A copy whose description also tells what a card has no place for, `told`; itself if nothing."""
+        if not told:
+            return self
+        text = f"{self.description} Fitted beside it, not part of this card: {', '.join(told)}."
+        return dataclasses.replace(self, description=text.strip(), file=None, text=None)
+
     def to_toml(self) -> str:
         """The card as TOML, in the units in which it was written; it reads back as an equal card."""
         rig, ambient = rig_named(self.rig), self.ambient_pressure
@@ -149,6 +158,12 @@ def actuator_from_card(card: Card) -> AbstractActuator:
     values = {rig.quantities[name]: quantity.value for name, quantity in card.quantities.items()}
     effects = {name: _effect(name, parameters) for name, parameters in card.effects.items()}
     return schema.build(rig, values, effects)
+
+
+def can_declare(name: str, effect: AbstractEffect) -> bool:
+    """Whether a card can hold an effect: of a class that has this name for cards, and without arrays."""
+    values = [getattr(effect, f.name) for f in dataclasses.fields(effect) if "unit" in f.metadata]
+    return is_registered(name, effect) and all(np.ndim(value) == 0 for value in values)
 
 
 def _effect(name: str, parameters: Mapping[str, Quantity]) -> AbstractEffect:

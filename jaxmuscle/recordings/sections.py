@@ -134,7 +134,8 @@ def _effects(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[s
     for name, entries in section.items():
         where = f"[effects.{name}]"
         if name not in BY_NAME:
-            problems.add(where, f"unknown effect{nearest(name, BY_NAME)}")
+            own = "Is it your own? Then jaxmuscle.effects.register it"
+            problems.add(where, f"unknown effect{nearest(name, BY_NAME)}. {own}")
         elif not isinstance(entries, Mapping):
             problems.add(where, f"expected a section with the effect's parameters; got {entries!r}")
         elif not rig.offers(BY_NAME[name]):

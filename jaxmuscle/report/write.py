@@ -11,7 +11,7 @@ from jaxmuscle.diagnosis.result import Diagnosis, Estimate
 from jaxmuscle.errors import InputError
 from jaxmuscle.files import atomic_write
 from jaxmuscle.parameters import parameters
-from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.card import Card, can_declare
 from jaxmuscle.recordings.card import Estimate as CardEstimate
 from jaxmuscle.report.page import page
 from jaxmuscle.report.result_json import result
@@ -54,23 +54,34 @@ def writable_folder(folder: str | Path) -> Path:
 
 
 def fitted_card(diagnosis: Diagnosis) -> Card:
-    """The recording's card with the fitted values and the added effects; it reads back as a card."""
+    """The recording's card with the fitted values and the added effects; it reads back as a card.
+
+    An added effect of a class of the user's own that is not registered (:func:`jaxmuscle.effects.register`)
+    has no name in a card: its values are told in the description.
+    """
     values: dict[str, CardEstimate] = {}
     effects: dict[str, dict[str, CardEstimate]] = {}
+    told: list[str] = []
+    machine = diagnosis.model.effects
+    holds = {name for name, effect in machine.items() if can_declare(name, effect)}
     # Parameters of an added effect that were not fitted are still part of it.
     found = {effect.name for effect in diagnosis.effects}
     for path, entry in parameters(diagnosis.model).items():
         effect, name = split_name(path)
-        if effect in found:
+        if effect is not None and effect not in holds:
+            told.append(f"{path} = {entry.value} {entry.unit}".rstrip())
+        elif effect in found:
             effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
     fitted = {
         f"{EFFECTS}{e.name}.{name}": value for e in diagnosis.effects for name, value in e.parameters.items()
     }
     for path, estimate in {**fitted, **diagnosis.parameters}.items():
         effect, name = split_name(path)
-        place = values if effect is None else effects.setdefault(effect, {})
-        place[name] = _card_estimate(estimate)
-    return diagnosis.recording.card.updated(values, effects)
+        if effect is None:
+            values[name] = _card_estimate(estimate)
+        elif effect in holds:
+            effects.setdefault(effect, {})[name] = _card_estimate(estimate)
+    return diagnosis.recording.card.updated(values, effects).telling(told)
 
 
 def _card_estimate(estimate: Estimate) -> CardEstimate:

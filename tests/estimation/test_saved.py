@@ -8,10 +8,12 @@ import equinox as eqx
 import numpy as np
 import pandas as pd
 import pytest
+from effects.own import Sleeve
 from estimation.made import fitted, pulled
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
+from jaxmuscle.effects import BY_NAME
 from jaxmuscle.estimation import Huber, Loss, Student
 from jaxmuscle.estimation.plain import restored
 from jaxmuscle.estimation.saved import as_json
@@ -184,6 +186,28 @@ def test_files_that_are_none(tmp_path, text, told):
 def test_nowhere_to_write(result, tmp_path):
     with pytest.raises(InputError, match="cannot write"):
         result.save(tmp_path / "absent" / "fit.json")
+
+
+def test_an_effect_of_ones_own(recordings, tmp_path):
+    """Without a name in files it is told in the card; registered, it is saved and declared as any other."""
+    known = dict(BY_NAME)
+    machine = jm.actuator(recordings[0].card).with_effects(own_sleeve=Sleeve(stiffness=1e4))  # pyright: ignore
+    result = jm.fit(machine, recordings[0], ["own_sleeve.stiffness"], steps=3)
+    with pytest.raises(InputError, match=r"cannot be saved: only registered .*jaxmuscle\.effects\.register"):
+        result.save(tmp_path / "fit.json")
+    told = f"effects.own_sleeve.stiffness = {result.values['effects.own_sleeve.stiffness']}"
+    assert told in result.to_card().description and "own_sleeve" not in result.to_card().effects
+    try:
+        jm.effects.register(Sleeve)
+        result.save(tmp_path / "fit.json")
+        loaded = jm.FitResult.load(tmp_path / "fit.json")
+        assert eqx.tree_equal(loaded.actuator, result.actuator)
+        assert eqx.tree_equal(jm.actuator(result.to_card()), result.actuator)
+    finally:
+        BY_NAME.clear()
+        BY_NAME.update(known)
+    with pytest.raises(InputError, match="effect 'own_sleeve' is unknown; if it is your own, import and"):
+        jm.FitResult.load(tmp_path / "fit.json")
 
 
 @pytest.mark.parametrize("name", ["fit.json", "fit.toml"])

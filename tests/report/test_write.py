@@ -3,14 +3,17 @@
 import dataclasses
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from effects.own import Sleeve
 from report.fake import diagnosis
 
-from jaxmuscle.diagnosis.result import Estimate
+from jaxmuscle.diagnosis.result import Diagnosis, Estimate
+from jaxmuscle.effects import BY_NAME, register
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings import Card
+from jaxmuscle.recordings import Card, actuator_from_card
 from jaxmuscle.report import write as module
 from jaxmuscle.report.page import page
 from jaxmuscle.report.result_json import result
@@ -54,6 +57,51 @@ def test_a_value_without_a_usable_deviation_becomes_known(tmp_path: Path) -> Non
     write(dataclasses.replace(diagnosis("complete"), parameters=fitted), tmp_path, report=False)
     card = Card.read(tmp_path / "card.toml")
     assert card.known["end_factor"].value == 1.3 and "end_factor" not in card.uncertain
+
+
+@pytest.fixture
+def own() -> Iterator[Diagnosis]:
+    """An outcome that added an effect of the user's own; effects registered by a test are forgotten."""
+    found, known = diagnosis("effects found"), dict(BY_NAME)
+    estimate = Estimate(1.6e4, 40.0, "N/m^2", "force per contraction squared")
+    effect = dataclasses.replace(
+        found.effects[0], name="own_sleeve", signal="muscle_force", parameters={"stiffness": estimate}
+    )
+    search = found.rounds[0]
+    ranking = (dataclasses.replace(search.ranking[0], name="own_sleeve"), *search.ranking[1:])
+    parameters = {k: v for k, v in found.parameters.items() if "load_friction" not in k}
+    names = [*parameters, "effects.own_sleeve.stiffness"]
+    table = found.correlations.set_axis(names).set_axis(names, axis=1)
+    sleeve = Sleeve(stiffness=1.6e4)  # pyright: ignore
+    yield dataclasses.replace(
+        found,
+        effects=(effect,),
+        rounds=(dataclasses.replace(search, ranking=ranking, added="own_sleeve"), *found.rounds[1:]),
+        model=found.model.without_effects("load_friction").with_effects(own_sleeve=sleeve),
+        parameters={**parameters, "effects.own_sleeve.stiffness": estimate},
+        correlations=table,
+    )
+    BY_NAME.clear()
+    BY_NAME.update(known)
+
+
+def test_an_effect_of_ones_own_is_reported_and_told_in_the_card(own: Diagnosis, tmp_path: Path) -> None:
+    assert {p.name for p in write(own, tmp_path)} == {"card.toml", "report.html", "result.json"}
+    card = Card.read(tmp_path / "card.toml")
+    assert "not part of this card: effects.own_sleeve.stiffness = 16000.0 N/m^2." in card.description
+    assert "own_sleeve" not in card.effects
+    assert card.uncertain["valve_area"].value == 1.1712e-6
+    assert "own sleeve" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_registered_effect_of_ones_own_is_part_of_the_card(own: Diagnosis, tmp_path: Path) -> None:
+    register(Sleeve)
+    write(own, tmp_path, report=False)
+    card = Card.read(tmp_path / "card.toml")
+    stiffness = card.effects["own_sleeve"]["stiffness"]
+    assert (stiffness.value, stiffness.std) == (1.6e4, 40.0)
+    assert card.description == own.recording.card.description
+    assert actuator_from_card(card).effects["own_sleeve"] == own.model.effects["own_sleeve"]
 
 
 def test_nothing_is_written_when_rendering_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
