@@ -13,6 +13,7 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.plausible import check_machine
 from jaxmuscle.recordings.quantity import ColumnSpec, Quantity
 from jaxmuscle.recordings.recording import Recording
 
@@ -43,7 +44,7 @@ def recording(
 
     Raises:
         InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
-            that cannot be.
+            that cannot be; samples that cannot be of this machine (a reversed sign, a wrong unit).
     """
     rig = type(actuator)
     needs = {key: need for key, need in schema.columns(rig).items() if key != "time"}
@@ -71,6 +72,8 @@ def recording(
     if wrong := [row for row in breaks if not 0 < row < rows]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
     card = _card(actuator, {key: need.unit for key, need in needs.items()}, dict(noise or {}), horizon)
+    if all(np.isfinite(values).any() for values in arrays.values()):
+        check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
     ordered = tuple(sorted({int(row) for row in breaks}))
     return Recording(name, None, None, card, clock, float(step), arrays, ordered)

@@ -13,9 +13,11 @@ from jaxmuscle.actuators import RIGS
 from jaxmuscle.errors import InputError, Problems
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.quantity import Quantity
+from jaxmuscle.recordings.ranges import meant
 from jaxmuscle.recordings.sections import SUPPLY
 from jaxmuscle.recordings.table import Table
-from jaxmuscle.recordings.units import Series
+from jaxmuscle.recordings.units import Series, from_si
 
 FEWEST_ROWS = 200
 JITTER = 0.01
@@ -141,6 +143,10 @@ def _impossible_pressure(
     if supply is not None and not commanded:
         high = pressure > OVER_SUPPLY * supply.value + 3 * (supply.std or 0.0)
         remedy = f"{swap} {check} and those of {SUPPLY}"
+        if pressure.max() - card.ambient_pressure > 2 * supply.value:  # More than the ambient pressure.
+            remedy = (
+                f"{_likely_units(card, name, float(pressure.max()), supply)}{check} and those of {SUPPLY}"
+            )
         signs.append((high, f"above the supply pressure, {_bar(supply.value)}", remedy))
     for rows, what, remedy in signs:
         if rows.any():
@@ -148,6 +154,20 @@ def _impossible_pressure(
             count = "" if rows.sum() == 1 else f" ({rows.sum()} such rows)"
             return f"{_bar(pressure[first])} in row {table.row(first)} is {what}{count}; {remedy}"
     return None
+
+
+def _likely_units(card: Card, name: str, most: float, supply: Quantity) -> str:
+    """The unit in which the largest pressure would be below the supply's, or that above it."""
+    found = []
+    for spec, number, fits, where in (
+        (card.columns[name], most, lambda p: 0.1 * supply.value < p < OVER_SUPPLY * supply.value, ""),
+        (supply, supply.value, lambda p: most < OVER_SUPPLY * p < 10 * most, f" of {SUPPLY}"),
+    ):
+        shift = card.ambient_pressure if spec.reference == "gauge" else 0.0
+        sound = lambda p, fits=fits, shift=shift: fits(p + shift)  # noqa: E731
+        likely = meant(from_si(number - shift, spec.unit, "Pa"), spec.unit, "Pa", sound)
+        found += [f"{likely}{where}"] if likely else []
+    return f"is it {', or '.join(found)}? " if found else ""
 
 
 def _bar(pressure: float) -> str:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+import numpy as np
+
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.errors import InputError, Problems
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.checks import check_clock, check_horizon, check_regular, check_signals, is_regular
+from jaxmuscle.recordings.plausible import check_machine
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.resample import resampled
 from jaxmuscle.recordings.table import SUFFIXES, Table, read_table
@@ -56,8 +59,10 @@ def _recording(table: Table, card: Card, sha256: str, resample: bool) -> Recordi
     time = columns.pop("time")
     check_clock(table, card, time)
     check_regular(table, card, time, resample=resample)
-    check_horizon(table, card, time)
     check_signals(table, card, columns)
+    typical = float(np.median(np.diff(time)))
+    check_machine(table.file, RIGS[card.rig], card, columns, typical, lambda index: f"row {table.row(index)}")
+    check_horizon(table, card, time)
     if not is_regular(time):
         time, columns = resampled(time, columns, held=RIGS[card.rig].commands)
     step = float(time[-1] - time[0]) / (len(time) - 1)

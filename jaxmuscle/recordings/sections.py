@@ -17,6 +17,7 @@ from jaxmuscle.recordings.quantity import (
     read_deviation,
     read_quantity,
 )
+from jaxmuscle.recordings.ranges import out_of_range
 from jaxmuscle.recordings.schema import AMBIENT, Need, Rig
 from jaxmuscle.recordings.units import STANDARD_ATMOSPHERE
 
@@ -125,6 +126,11 @@ def _quantities(
                 raise InputError("expected a standard deviation, std = …; add it or move the line to [known]")
             if name == SUPPLY and found[name].value <= ambient:
                 raise InputError('is not above the ambient pressure; is it reference = "gauge"?')
+            shift = ambient if found[name].reference == "gauge" else 0.0
+            wrong = out_of_range(name, found[name].value, found[name].unit, needs[name].unit, shift)
+            if wrong is not None:
+                found.pop(name)
+                raise InputError(wrong)
     with_std = {name: quantity for name, quantity in found.items() if quantity.std is not None}
     return {name: q for name, q in found.items() if name not in with_std}, with_std
 
