@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxmuscle.configuration import configure, prepare
+from jaxmuscle.configuration import prepare
 
 if TYPE_CHECKING:
     from jaxmuscle import (
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         signals,
         simulation,
     )
+    from jaxmuscle.configuration import configure
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
@@ -50,6 +51,7 @@ _PLACES = {
     "analysis": ("jaxmuscle.analysis", None),
     "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
+    "configure": ("jaxmuscle.configuration", "configure"),
     "control": ("jaxmuscle.control", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.interruptible import interruptible
 from jaxmuscle.files import atomic_write
+from jaxmuscle.interruptible import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.report.sweep_figure import draw_sweep
 from jaxmuscle.sweeps import FailedPoints, sweep
