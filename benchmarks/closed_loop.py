@@ -1,4 +1,7 @@
-"""Do the controllers of the three sources do in closed loop what was published? On the package's own rigs."""
+"""Do the controllers of the three sources do in closed loop what was published? On the package's own rigs.
+
+Gains that no source prints are tuned here; each row whose outcome rests on such a number says so.
+"""
 
 from __future__ import annotations
 

@@ -11,8 +11,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from closed_loop_joint import AMBIENT, STEP, TRADED, tuned
-from published_rows import Row, row
+from closed_loop_joint import AMBIENT, GAINS, NO_NOISE, STEP, TRADED, tuned
+from published_rows import WORDS, Row, aside, assuming, at_most, row
 
 from jaxmuscle.control import Reference, closed_loop
 from jaxmuscle.robot import Pane, joints_along, line, pressure_commands, robot, tip
@@ -83,24 +83,25 @@ def wiping(fuzzy: bool) -> tuple[float, float]:
 def robot_rows() -> Iterator[Row]:
     source, names = "[T] Figure 20", ("path deviation, mean", "path deviation, largest",
                                       "tracking error, mean", "tracking error, largest")  # fmt: skip
-    for name, ours, goal in zip(names, straight(0.0), (2.5, 8.0, 3.3, 11.0), strict=True):
-        yield row(source, f"closed loop from A to B at 0.1 m/s: {name}", f"{goal:g}", ours, ours <= goal,
-                  "mm", "not more", "measured there, without sensor noise here",
-                  "" if ours <= goal else TRADED)  # fmt: skip
+    for name, ours, goal in zip(names, straight(0.0), ("2.5", "8", "3.3", "11"), strict=True):
+        figure = f"closed loop from A to B at 0.1 m/s: {name}"
+        yield assuming(at_most(source, figure, goal, ours, "mm", NO_NOISE, TRADED), GAINS)
     means = [straight(load, speed)[0] for load in LOADS for speed in (0.1, 0.5)]
-    yield row("[T] Figure 21", "closed loop: mean path deviation with 0, 0.5, 1, 1.5 kg at 0.1 and 0.5 m/s",
-              "3 to 6", means, max(means) <= 6.0, "mm", "not more than 6", "measured there",
-              "" if max(means) <= 6 else
-              "gains of the joints alone, tuned at 0.5 rad/s without a load")  # fmt: skip
+    loaded = row("[T] Figure 21", "closed loop: mean path deviation, 0, 0.5, 1, 1.5 kg at 0.1 and 0.5 m/s",
+                 "3 to 6", means, max(means) <= 6.0, "mm", "not more than 6", NO_NOISE,
+                 "gains of the joints alone, tuned at 0.5 rad/s without a load")  # fmt: skip
+    yield assuming(loaded, GAINS)
     both = [straight(load, 0.1, True)[0] / straight(load)[0] for load in LOADS]
-    yield row("[T] control", "fuzzy PID over variable structure: mean path deviation with those loads",
-              "almost as robust", both, max(both) < 2, "", "< 2", "in words; its gains are not given",
-              "" if max(both) < 2 else "it knows no model of the joints")  # fmt: skip
+    robust = row("[T] control", "fuzzy PID over variable structure: mean path deviation with those loads",
+                 "almost as robust", both, max(both) < 2, "", "< 2", "in words; its gains are not given",
+                 "it knows no model of the joints")  # fmt: skip
+    yield aside(robust, WORDS)
     force = [wiping(fuzzy) for fuzzy in (False, True)]
     ends = [after for _, after in force]
     print(f"    leaning {1e3 * BEHIND:g} mm behind a pane: largest force {force[0][0]:.1f} N by variable "
           f"structure, {force[1][0]:.1f} N by fuzzy PID")  # fmt: skip
-    yield row("[T] Figure 23", "force left on the pane after a rest of 5 s: variable structure, fuzzy PID",
-              "fuzzy PID unadapted: its integral costs the compliance", ends, ends[1] > ends[0], "N",
-              "fuzzy PID more", "in words", "" if ends[1] > ends[0] else
-              "the integrator of the variable structure acts there too")  # fmt: skip
+    left = row("[T] Figure 23", "force left on the pane after a rest of 5 s: variable structure, fuzzy PID",
+               "fuzzy PID unadapted: its integral costs the compliance", ends, ends[1] > ends[0], "N",
+               "fuzzy PID more", "in words",
+               "the integrator of the variable structure acts there too")  # fmt: skip
+    yield aside(left, WORDS)

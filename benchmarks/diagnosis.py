@@ -1,5 +1,7 @@
 """Is the right effect found, and only then? Every recording of a folder whose truth is known, by its card.
 
+Scored are the effect that was added first, the verdict ("complete" where nothing is missing, "unexplained"
+where the cause is outside the rig's catalogue, else "effects found"), and effects added that are not there.
 The truth (NAME.truth.json beside NAME.csv) is read here, after the diagnosis, for scoring only.
 """
 
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+from diagnosis_score import VERDICTS, score, totals
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
@@ -37,16 +40,10 @@ def scored(path: Path) -> dict[str, Any] | None:
         return None
     found = jm.diagnose(recording)
     truth = json.loads(path.with_suffix(".truth.json").read_text())["effect"]
-    effects = [effect.name for effect in found.effects]
-    if truth == "none":
-        kind, ok = "clean", not effects
-    elif truth in names(recording.card.rig):
-        kind, ok = "catalogue", effects[:1] == [truth]
-    else:
-        kind, ok = "outside", not effects
+    effects, rig = [effect.name for effect in found.effects], recording.card.rig
     return {
-        "recording": path.stem, "rig": recording.card.rig, "kind": kind, "truth": truth, "found": effects,
-        "verdict": found.verdict, "ok": ok,
+        "figure": f"{path.stem}: effect and verdict right, nothing added falsely", "recording": path.stem,
+        "rig": rig, **score(truth, effects, found.verdict, names(rig)), "ours": found.verdict,
         "runners_up": [[a.name, round(a.gain, 3), a.told_apart] for a in found.alternatives[:2]],
         "before": {c: round(e.in_noise, 2) for c, e in found.before["held_out"].items()},
         "after": {c: round(e.in_noise, 2) for c, e in found.after["held_out"].items()},
@@ -58,9 +55,11 @@ def line(row: dict[str, Any]) -> str:
     """One line of the table."""
     columns = ", ".join(f"{c} {row['before'][c]} → {row['after'][c]}" for c in row["before"])
     runners = ", ".join(f"{name} {gain:.2f}" for name, gain, _ in row["runners_up"])
+    verdict = row["verdict"] if row["verdict_ok"] else f"{row['verdict']}, NOT {row['goal']}"
+    false = f"added falsely: {', '.join(row['false_additions'])}; " if row["false_additions"] else ""
     return (
         f"{row['recording']:8s} {row['rig']:9s} {'ok' if row['ok'] else 'NO':3s} {row['truth']:24s} "
-        f"{', '.join(row['found']) or '-':24s} {row['verdict']:14s} {columns}; "
+        f"{', '.join(row['found']) or '-':24s} {verdict:14s} {false}{columns}; "
         f"next: {runners or '-'}; {row['seconds']} s"
     )
 
@@ -84,14 +83,16 @@ def main() -> int:
             rows.append(row)
             print(line(row), flush=True)
         jax.clear_caches()
-    counts = {
-        kind: [r["ok"] for r in rows if r["kind"] == kind] for kind in ("catalogue", "clean", "outside")
-    }
-    for kind, oks in counts.items():
-        print(f"{kind}: {sum(oks)} of {len(oks)} right")
+    counts = totals(rows)
+    for kind, goal in VERDICTS.items():
+        (effects, of), (verdicts, _) = counts["effects"][kind], counts["verdicts"][kind]
+        print(f"{kind}: effect right in {effects} of {of}, verdict ({goal}) in {verdicts} of {of}")
+    false = counts["false_additions"]
+    print(f"effects added that are not there: {false['effects']}, in {false['recordings']} of {len(rows)} "
+          "recordings")  # fmt: skip
+    print(f"right in every respect: {counts['reached']} of {counts['of']}")
     if arguments.json:
-        print(json.dumps({"benchmark": "diagnosis", "rows": rows, "reached": sum(r["ok"] for r in rows),
-                          "of": len(rows), "by_kind": {k: [sum(v), len(v)] for k, v in counts.items()},
+        print(json.dumps({"benchmark": "diagnosis", "rows": rows, **counts,
                           "machine": platform.processor() or platform.machine(),
                           "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import hysteresis_loops as loops
 import jax.numpy as jnp
 import numpy as np
 from hysteresis_loops import Series
+from published_rows import OWN, Row, aside, assuming, at_most
 
 from jaxmuscle.control import IntegralInversePID
 from jaxmuscle.control.pid import Controlling
@@ -74,20 +76,19 @@ def gain_with(error: float) -> float:
     return float(np.exp(0.5 * (low + high)))
 
 
-def rows(say: Any) -> list[dict[str, Any]]:
+def rows() -> Iterator[Row]:
     """The PID is as good as that of [W]; what its models add to it is what counts."""
     loop = loops.loops()[-1]
     fits = loops.fits(loop)
     gain = gain_with(PUBLISHED["PID"])
     models = {"PID": None, "classical": fits["classical, free weights"], "modified": fits["modified"]}
     found = {name: tracking_error(*controller(model, gain)) for name, model in models.items()}
-    say(f"\ntracking of [W] 4.1 by an elbow of relays, K_p = {gain:.4f} bar/deg: rms error [deg]")
+    print(f"\ntracking of [W] 4.1 by an elbow of relays, K_p = {gain:.4f} bar/deg: rms error [deg]")
     for name, error in found.items():
-        say(f"{name:14s} {error:8.3f}   published, another elbow {PUBLISHED[name]:.3f}")
-    ratio = {name: found[name] / found["PID"] for name in ("classical", "modified")}
-    goals = {name: PUBLISHED[name] / PUBLISHED["PID"] for name in ratio}
-    return [
-        {"figure": f"tracking: {name} model over PID alone", "goal": goals[name], "ours": ratio[name],
-         "ok": ratio[name] <= goals[name], "all": found}
-        for name in ratio
-    ]  # fmt: skip
+        print(f"{name:14s} {error:8.3f}   published, another elbow {PUBLISHED[name]:.3f}")
+    for name in ("classical", "modified"):
+        goal, ours = PUBLISHED[name] / PUBLISHED["PID"], found[name] / found["PID"]
+        entry = at_most("[W] 4.1", f"tracking: {name} model over PID alone", f"{goal:.4g}", ours, "",
+                        "another elbow than that of [W]")  # fmt: skip
+        chosen = f"K_p = {gain:.4f} bar/deg, at which the PID alone is as good as that of [W]"
+        yield {**assuming(aside(entry, OWN), chosen), "all": found}

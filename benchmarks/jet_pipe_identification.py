@@ -109,7 +109,8 @@ def compared() -> Iterator[Row]:
     yield row(source, "static loop: sum of squares by gradient over that by simplex", "1 or less", ratio,
               ratio < 1 + 1e-4, "", "1e-4", "the same problem, start and noise")  # fmt: skip
     fewer = simplex.evaluations / gradient.evaluations
-    yield row(source, "evaluations of the simplex per evaluation by gradient", "> 1", fewer, fewer > 1)
+    yield row(source, "evaluations of the simplex per evaluation by gradient", "> 1", fewer, fewer > 1, "",
+              "above", "the same minimum, a Jacobian counted as one")  # fmt: skip
     offset, discharge, area, slope = (float(v) for v in gradient.values)
     # The weights of a ratio a/C are those of its derivative by C and by a.
     found_rows = (

@@ -20,6 +20,7 @@ SLOPE = (
     "the pipe's mid-line (Figure 3.5) is not given in numbers: 0.8 mm/N, saturating at 0.9 N, is assumed; "
     "one through two of the published numbers gives the others (rows below)"
 )
+MIDLINE = "the pipe's mid-line, 0.8 mm/N saturating at 0.9 N"
 GAUGE = "551.6 kPa gauge; mid-line 0.8 mm/N, saturating at 0.9 N"
 """The reading of [H] that is declared, under which its numbers are counted."""
 ABSOLUTE = "551.6 kPa, 80 psig, taken as the absolute supply pressure"

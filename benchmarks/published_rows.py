@@ -1,4 +1,8 @@
-"""How a row of a table of published values is written, and the end that all such tables have."""
+"""How a row of a table of published values is written, and the end that all such tables have.
+
+Counted is a number that a source prints, compared with the experiment that the source describes. Everything
+else is shown and not counted: checks of our own, statements in words, other readings of the source.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +16,36 @@ from typing import Any
 
 Row = dict[str, Any]
 
-OWN, OTHER = "own check", "another reading"
-"""Why a row is shown and not counted: nobody published its number; it is published, and counted under the
-reading of the source that the benchmark declares.
+OWN, OTHER, WORDS = "own check", "another reading", "in words"
+"""Why a row is shown and not counted. OWN: the number is derived, follows from what was put in, or belongs to
+another experiment than that of the source. OTHER: it is published, and counted under the reading of the
+source that the benchmark declares. WORDS: the source says it without a number, so the limit is ours.
 """
+DIGITS = "half of the last digit"
+NOT_UNDERSTOOD = "not understood"
+SLACK = 1e-9
+"""Of a tolerance: rounding of decimal fractions must not decide."""
+
+
+def half_digit(printed: str) -> float:
+    """Half a unit in the last place of a number as it is printed: 0.05 for "-14.5", 0.5 for "1084".
+
+    Raises:
+        ValueError: `printed` is no number.
+    """
+    float(printed)
+    mantissa, _, exponent = printed.lower().partition("e")
+    return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
 def aside(entry: Row, what: str) -> Row:
-    """A row that is not counted among what is reached: :data:`OWN` or :data:`OTHER`."""
+    """A row that is not counted among what is reached: :data:`OWN`, :data:`OTHER` or :data:`WORDS`."""
     return {**entry, "aside": what}
+
+
+def assuming(entry: Row, what: str) -> Row:
+    """A row on which a number has a say that the source does not give and this benchmark chose."""
+    return {**entry, "free": what}
 
 
 def under(reading: str, rows: Iterable[Row]) -> Iterator[Row]:
@@ -30,24 +55,38 @@ def under(reading: str, rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def row(
-    source: str, quantity: str, published: str, ours: float | list[float], ok: bool,
+    source: str, figure: str, goal: str, ours: float | list[float], ok: bool,
     unit: str = "", tolerance: str = "", reason: str = "", why: str = "",
 ) -> Row:  # fmt: skip
-    """One line of the table; what differs keeps its place and says why."""
-    entry = {"source": source, "quantity": quantity, "published": published, "ours": ours, "unit": unit,
+    """One line of the table; what is missed keeps its place and says why."""
+    entry = {"source": source, "figure": figure, "goal": goal, "ours": ours, "unit": unit,
              "tolerance": tolerance, "reason": reason, "ok": bool(ok)}  # fmt: skip
-    return {**entry, "why": why} if why else entry
+    return entry if ok else {**entry, "why": why or NOT_UNDERSTOOD}
 
 
 def near(
-    source: str, quantity: str, published: float, ours: float, unit: str, share: float, reason: str,
-    why: str = "",
+    source: str, figure: str, goal: float, ours: float, unit: str, share: float, reason: str, why: str = "",
 ) -> Row:  # fmt: skip
     """A row that asks for a relative deviation of at most `share`."""
-    ok = abs(ours - published) <= share * abs(published)
-    return row(
-        source, quantity, f"{published:g}", ours, ok, unit, f"{share:.3g} relative", reason, "" if ok else why
-    )
+    ok = abs(ours - goal) <= share * abs(goal) * (1 + SLACK)
+    return row(source, figure, f"{goal:g}", ours, ok, unit, f"{share:.3g} relative", reason, why)
+
+
+def as_printed(source: str, figure: str, goal: str, ours: float, unit: str = "", why: str = "") -> Row:
+    """A row that asks for a printed number to half a unit of its last digit."""
+    allowed = half_digit(goal)
+    ok = abs(ours - float(goal)) <= allowed * (1 + SLACK)
+    return row(source, figure, goal, ours, ok, unit, f"{allowed:g}", DIGITS, why)
+
+
+def at_most(
+    source: str, figure: str, goal: str, ours: float, unit: str = "", reason: str = "", why: str = "",
+    allowed: float = 0.0,
+) -> Row:  # fmt: skip
+    """A row that asks for no more than a printed error, and what its last digit allows beyond it."""
+    ok = ours <= float(goal) + allowed * (1 + SLACK)
+    tolerance = f"{allowed:g} more" if allowed else "not more"
+    return row(source, figure, goal, ours, ok, unit, tolerance, reason, why)
 
 
 def shown(value: object) -> str:
@@ -60,10 +99,12 @@ def line(entry: Row) -> str:
     ours = f"{shown(entry['ours'])} {entry['unit']}".rstrip()
     mark = "ok" if entry["ok"] else "NO"
     kind = f"({entry['aside']}) " if "aside" in entry else ""
-    text = f"{mark:3s}{kind}{entry['source']}: {entry['quantity']}: {ours}; published {entry['published']}"
+    said = "goal" if entry.get("aside") == OWN else "published"
+    text = f"{mark:3s}{kind}{entry['source']}: {entry['figure']}: {ours}; {said} {entry['goal']}"
     if entry["tolerance"]:
         text += f" (to {entry['tolerance']}: {entry['reason']})"
     text += f" [{entry['reading']}]" if "reading" in entry else ""
+    text += f"\n     chosen here: {entry['free']}" if "free" in entry else ""
     return text + (f"\n     {entry['why']}" if "why" in entry else "")
 
 
@@ -77,17 +118,20 @@ def finite(value: Any) -> Any:
 
 
 def counts(found: list[Row]) -> dict[str, Any]:
-    """How many published numbers are reached, of how many; beside them the rows that do not count."""
+    """How many published numbers are reached, of how many; how many of them rest on a number chosen here;
+    beside them the rows that do not count.
+    """
 
     def of(rows: list[Row]) -> dict[str, int]:
         return {"reached": sum(bool(entry["ok"]) for entry in rows), "of": len(rows)}
 
+    counted = [entry for entry in found if "aside" not in entry]
     kinds = sorted({entry["aside"] for entry in found if "aside" in entry})
     beside = {kind: of([entry for entry in found if entry.get("aside") == kind]) for kind in kinds}
-    return {**of([entry for entry in found if "aside" not in entry]), "aside": beside}
+    return {**of(counted), "chosen": of([entry for entry in counted if "free" in entry]), "aside": beside}
 
 
-def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]], text: Any = line) -> int:
+def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]]) -> int:
     """Print the rows as they come, how many are reached and, with ``--json``, all in one line."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
@@ -95,9 +139,12 @@ def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]]
     begin, found = time.perf_counter(), []
     for entry in rows():
         found.append(entry)
-        print(text(entry), flush=True)
+        print(line(entry), flush=True)
     counted = counts(found)
+    chosen = counted["chosen"]
     print(f"{counted['reached']} of {counted['of']}")
+    if chosen["of"]:
+        print(f"of these, with a number that the source does not give: {chosen['reached']} of {chosen['of']}")
     for kind, share in counted["aside"].items():
         print(f"not counted, {kind}: {share['reached']} of {share['of']}")
     if arguments.json:
