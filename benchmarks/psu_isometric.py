@@ -35,6 +35,8 @@ LENGTHS = {
 """Lengths at which each muscle was held [m], in the order of the conditions."""
 LENGTHS_UNKNOWN = {"45": 0.432, "52": 0.502}
 """Further muscles: resting length [m], the cut length less 18 mm as with the others."""
+SHORTEST = {"25": 0.193, "27": 0.221}
+"""Free lengths at 620 kPa of the two muscles that the makers print errors of [m]."""
 CONTRACTION = 0.17
 """Contraction ratio at 620 kPa of the longer muscles; the conditions are 0, 1/4, 1/2 and 3/4 of it."""
 CONDITIONS = ("Unkink", "kinked25", "kinked50", "kinked75")
@@ -56,6 +58,23 @@ def folder() -> Path | None:
         if place and (Path(place) / "psu_bpa_isometric").is_dir():
             return Path(place) / "psu_bpa_isometric"
     return None
+
+
+def makers_force(muscle: str, length: Series, pressure: Series) -> Series:
+    """Force by the makers' empirical law [N]; F* = c0 (exp(-c1 ε*) - 1) + P* exp(-c2 ε*²).
+
+    Bolen, Elzein, Pang and Hunt 2026: ε* = ε/ε_620, P* = P/620 kPa, F = F620 F* with
+    F620 = 303.5 N atan(19.03 (l0 - 7.5 mm)/m), c = (0.5682, 4.254, 0.5597). A slack muscle has no force.
+
+    Args:
+        muscle: a key of :data:`SHORTEST`.
+        length, pressure: of the muscle [m]; gauge, as the makers' sensor reads it [Pa].
+    """
+    rest = RESTING[muscle]
+    contraction, share = (rest - length) / (rest - SHORTEST[muscle]), pressure / 620e3
+    full = 303.5 * np.arctan(19.03 * (rest - 0.0075))
+    relative = 0.5682 * np.expm1(-4.254 * contraction) + share * np.exp(-0.5597 * contraction**2)
+    return np.maximum(full * relative, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,8 @@ of all of them; the held-out episodes are looked at once, with that.
 A prediction starts from what was measured up to now (the velocity is the slope of a parabola through the last
 samples). The goals are a linear model's from measured angles and pressures; it is also fitted here, on the
 same instants: with the pressures up to now, and with those of the coming 100 ms. The physical model is judged
-by the pressures up to now; beside it stands what it predicts when told those of the coming 100 ms.
+by the pressures up to now, and counted with these only; beside it stands, not counted, what it predicts when
+told those of the coming 100 ms.
 
     python benchmarks/real_pam_arm.py [--json]
 """
@@ -27,6 +28,7 @@ from typing import Any
 import arm_data as data
 import numpy as np
 from arm_joint import ArmJoint
+from published_rows import SEEN, Row, aside, counts, finite, line, row
 
 import jaxmuscle as jm
 from jaxmuscle.components import McKibben
@@ -117,15 +119,19 @@ def judged(arm: data.Arm, joint: int) -> dict[str, Any]:
                            for n, p in fit.parameters.items()}}  # fmt: skip
 
 
-def compared(joint: int, goal: float, name: str, found: dict[str, Any]) -> dict[str, Any]:
-    """A row of the table: one physical predictor against the goal and the linear ones."""
-    ours = found["errors"][name]
-    better = [n for n, error in found["errors"].items() if n.startswith("linear") and error < ours]
-    row = {"figure": f"joint {joint}, RMSE [rad]: {name}", "goal": goal, "ours": ours, "ok": ours < goal,
-           "beaten_by": better, **found}  # fmt: skip
-    linear = found["errors"][name.replace("physical", "linear")]
+def compared(joint: int, goal: float, name: str, found: dict[str, Any]) -> Row:
+    """A row of the table: one physical predictor against the goal and the linear ones.
+
+    A predictor that is told the coming pressures is not counted: no controller has them.
+    """
+    errors = found["errors"]
+    ours, linear = errors[name], errors[name.replace("physical", "linear")]
+    better = [n for n, error in errors.items() if n.startswith("linear") and error < ours]
     why = f"the physical model does not beat it; a linear one told the same has {linear:.4f} here"
-    return row if row["ok"] else {**row, "why": why}
+    entry = row("linear model", f"joint {joint}, RMSE: {name}", f"{goal:g}", ours, ours < goal, "rad", "less",
+                "held-out episodes", why)  # fmt: skip
+    entry |= {"beaten_by": better, **found}
+    return entry if name == PRESENT else aside(entry, SEEN)
 
 
 def main() -> int:
@@ -145,17 +151,15 @@ def main() -> int:
         for name, error in found["errors"].items():
             print(f"  joint {joint}  {name:42s} {error:.4f}")
         rows += [compared(joint, goal, name, found) for name in found["errors"] if "physical" in name]
-    for row in rows:
-        print(
-            f"{'ok  ' if row['ok'] else 'MISS'} {row['figure']:58s} {row['ours']:.4f}   below {row['goal']}"
-        )
-        if "why" in row:
-            print(f"       {row['why']}")
+    for entry in rows:
+        print(line(entry))
+    counted = counts(rows)
+    print(f"{counted['reached']} of {counted['of']}")
     if arguments.json:
-        print(json.dumps({"benchmark": "real_pam_arm", "rows": rows,
-                          "reached": sum(row["ok"] for row in rows), "of": len(rows),
-                          "machine": platform.processor() or platform.machine(),
-                          "seconds": time.perf_counter() - begin}))  # fmt: skip
+        table = {"benchmark": "real_pam_arm", "rows": rows, **counted,
+                 "machine": platform.processor() or platform.machine(),
+                 "seconds": time.perf_counter() - begin}  # fmt: skip
+        print(json.dumps(finite(table), allow_nan=False))
     return 0
 
 
