@@ -19,8 +19,8 @@ Row = dict[str, Any]
 OWN, OTHER, WORDS, SEEN = "own check", "another reading", "in words", "seen data"
 """Why a row is shown and not counted. OWN: the number is derived, follows from what was put in, or belongs to
 another experiment than that of the source. OTHER: it is published, and counted under the reading of the
-source that the benchmark declares. WORDS: the source says it without a number, so the limit is ours. SEEN: the
-data were fitted, or the prediction is told what comes.
+source that the benchmark declares. WORDS: the source says it without a number, so the limit is ours. SEEN:
+the data were fitted, or the prediction is told what comes.
 """
 DIGITS = "half of the last digit"
 NOT_UNDERSTOOD = "not understood"

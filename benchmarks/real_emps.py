@@ -27,7 +27,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from published_rows import SEEN, Row, aside, counts, row
+from measured_rows import drive_run
+from published_rows import Row, counts
 from scipy.io import loadmat
 
 import jaxmuscle as jm
@@ -118,17 +119,6 @@ def error(machine: AbstractActuator, run: jm.Recording) -> float:
     return 1e3 * float(np.sqrt(np.mean((predicted - run.columns["position"]) ** 2)))
 
 
-def compared(name: str, theirs: float, ours: float) -> Row:
-    """A row: errors [mm] of the fitted parameters, and of the published ones in this simulator."""
-    published = RUNS[name][1]
-    goal = min(theirs, published)
-    entry = row("EMPS", f"{name}: open-loop RMSE", f"{goal:.2f}", ours, ours < goal, "mm", "less",
-                "the better error of the published parameters",
-                "the fitted parameters predict no better than the published ones")  # fmt: skip
-    entry |= {"published": published, "published_parameters_here": theirs}
-    return aside(entry, SEEN) if name == ESTIMATION else entry
-
-
 def text(entry: Row) -> str:
     """A row as text."""
     mark, kind = "ok" if entry["ok"] else "NO", f" ({entry['aside']})" if "aside" in entry else ""
@@ -149,7 +139,13 @@ def main() -> int:
     runs = {name: recorded(declared, content, name) for name, content in raw.items()}
     # Millimetres are what the model can be blamed for; the encoder's noise is far below.
     fit = jm.fit(declared, runs[ESTIMATION], FREE, noise={"position": 1e-3}, steps=100)
-    rows = [compared(name, error(declared, runs[name]), error(fit.actuator, runs[name])) for name in RUNS]
+    rows = [
+        drive_run(
+            name, published=published, theirs=error(declared, runs[name]),
+            ours=error(fit.actuator, runs[name]), fitted=name == ESTIMATION,
+        )
+        for name, (_, published) in RUNS.items()
+    ]  # fmt: skip
     print(*map(text, rows), "", sep="\n")
     print(fit.table()[["value", "std", "unit"]], *fit.notes(), sep="\n")
     if arguments.json:

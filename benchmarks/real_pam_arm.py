@@ -28,7 +28,8 @@ from typing import Any
 import arm_data as data
 import numpy as np
 from arm_joint import ArmJoint
-from published_rows import SEEN, Row, aside, counts, finite, line, row
+from measured_rows import arm_predictor
+from published_rows import counts, finite, line
 
 import jaxmuscle as jm
 from jaxmuscle.components import McKibben
@@ -119,21 +120,6 @@ def judged(arm: data.Arm, joint: int) -> dict[str, Any]:
                            for n, p in fit.parameters.items()}}  # fmt: skip
 
 
-def compared(joint: int, goal: float, name: str, found: dict[str, Any]) -> Row:
-    """A row of the table: one physical predictor against the goal and the linear ones.
-
-    A predictor that is told the coming pressures is not counted: no controller has them.
-    """
-    errors = found["errors"]
-    ours, linear = errors[name], errors[name.replace("physical", "linear")]
-    better = [n for n, error in errors.items() if n.startswith("linear") and error < ours]
-    why = f"the physical model does not beat it; a linear one told the same has {linear:.4f} here"
-    entry = row("linear model", f"joint {joint}, RMSE: {name}", f"{goal:g}", ours, ours < goal, "rad", "less",
-                "held-out episodes", why)  # fmt: skip
-    entry |= {"beaten_by": better, **found}
-    return entry if name == PRESENT else aside(entry, SEEN)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
@@ -150,7 +136,9 @@ def main() -> int:
             print(f"    validation  {name:74s} {error:.4f}")
         for name, error in found["errors"].items():
             print(f"  joint {joint}  {name:42s} {error:.4f}")
-        rows += [compared(joint, goal, name, found) for name in found["errors"] if "physical" in name]
+        for name in (PRESENT, COMING):
+            entry = arm_predictor(joint, goal, found["errors"], name, coming=name == COMING)
+            rows.append({**entry, **found})
     for entry in rows:
         print(line(entry))
     counted = counts(rows)

@@ -1,0 +1,76 @@
+"""Rows on measured data: what a fit has seen is not counted; the makers' law is the goal of static force."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+
+@pytest.fixture
+def benchmark(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    return importlib.import_module
+
+
+def test_the_unseen_run_of_a_drive_counts_against_the_better_of_two_errors(benchmark):
+    rows, table = benchmark("measured_rows"), benchmark("published_rows")
+    unseen = rows.drive_run("pulses", published=9.32, theirs=8.38, ours=8.5, fitted=False)
+    fitted = rows.drive_run("estimation", published=6.81, theirs=5.37, ours=2.92, fitted=True)
+    assert not unseen["ok"] and unseen["goal"] == "8.38" and unseen["why"]
+    assert fitted["ok"]
+    counted = table.counts([unseen, fitted])
+    assert (counted["reached"], counted["of"]) == (0, 1)
+    assert counted["aside"] == {table.SEEN: {"reached": 1, "of": 1}}
+
+
+def test_a_predictor_told_the_coming_pressures_is_not_counted(benchmark):
+    rows, table = benchmark("measured_rows"), benchmark("published_rows")
+    errors = {"hold": 0.18, "linear, now": 0.07, "linear, coming": 0.04, "physical, now": 0.08,
+              "physical, coming": 0.05}  # fmt: skip
+    found = [
+        rows.arm_predictor(0, 0.0735, errors, f"physical, {what}", coming=what == "coming")
+        for what in ("now", "coming")
+    ]
+    counted = table.counts(found)
+    assert (counted["reached"], counted["of"]) == (0, 1)
+    assert counted["aside"] == {table.SEEN: {"reached": 1, "of": 1}}
+    assert found[0]["beaten_by"] == ["linear, now", "linear, coming"]
+    assert "0.0700" in found[0]["why"]
+
+
+def test_the_makers_law_is_the_goal_of_static_force(benchmark):
+    rows = benchmark("measured_rows")
+    met, missed = (
+        rows.static_force("233 mm", "16.8", ours, {"here": 16.5}, "unseen") for ours in (16.8, 16.81)
+    )
+    assert met["ok"] and not missed["ok"]
+    assert missed["why"] == "unseen" and missed["makers_law_here"] == {"here": 16.5}
+
+
+def test_the_makers_law_at_rest_slack_and_nearly_without_force_at_its_shortest(benchmark):
+    psu = benchmark("psu_isometric")
+    rest, shortest = psu.RESTING["25"], psu.SHORTEST["25"]
+    full = 303.5 * np.arctan(19.03 * (rest - 0.0075))
+    at = psu.makers_force("25", np.array([rest, rest, shortest, shortest]), np.array([620e3, 0, 620e3, 1e5]))
+    np.testing.assert_allclose(at[:2], [full, 0.0], rtol=1e-12)
+    assert 0 < at[2] < 0.02 * full and at[3] == 0
+
+
+def test_the_makers_law_by_hand(benchmark):
+    psu = benchmark("psu_isometric")
+    # Half way to the shortest length under 310 kPa: 0.5682 (e^-2.127 - 1) + 0.5 e^-0.139925 = -0.0658.
+    length = 0.5 * (psu.RESTING["27"] + psu.SHORTEST["27"])
+    assert psu.makers_force("27", np.array([length]), np.array([310e3]))[0] == 0
+    # A quarter of the way under 620 kPa: 0.5682 (e^-1.0635 - 1) + e^-0.03498125 = 0.5936.
+    length = psu.RESTING["27"] - 0.25 * (psu.RESTING["27"] - psu.SHORTEST["27"])
+    force = psu.makers_force("27", np.array([length]), np.array([620e3]))[0]
+    assert force == pytest.approx(0.5936 * 303.5 * np.arctan(19.03 * 0.2495), rel=2e-4)
+
+
+def test_where_the_error_of_lengths_left_out_arises(benchmark):
+    folds = [{"after": error} for error in (42.77, 15.33, 11.09, 20.9)]
+    said = benchmark("measured_rows").extrapolated(folds)
+    assert "to 42.8 and 20.9 N" in said and "predicted to 15.3 and 11.1 N" in said
