@@ -28,8 +28,8 @@ PUBLISHED = {"25": (16.8, 62.6, 132.7), "27": (22.9, 73.8, 143.8)}
 """Errors [N] of the makers' law and of two models: Bolen et al. 2026."""
 PROTOCOLS = {"A": "length left out", "B": "other muscles"}
 LENGTH = (
-    "a known difference: force here does not depend on the length of the muscle; the full force of the makers' "
-    "law does, 292 N of a muscle of 83 mm and 419 N of one of 281 mm, both among the fitted ones"
+    "a known difference: force here does not depend on the length of the muscle; the full force of the "
+    "makers' law does, 292 N of a muscle of 83 mm and 419 N of one of 281 mm, both among the fitted ones"
 )
 OTHERS = ("10", "15", "30")
 
