@@ -61,7 +61,8 @@ def diagnose(
     Every round fits the present model and the model with each candidate on some of the training windows
     and judges them on the others, fold by fold. The best candidate is added when it removes at least a
     tenth of the excess error on unseen windows with p < 0.01; everything is refitted; at most three
-    effects are added. The held-out rows are used once, for the errors that are reported.
+    effects are added. The held-out rows take no part in that: they give the errors that are reported, and
+    tell whether something is unexplained that the training rows did not show.
 
     Args:
         recording: as :func:`jaxmuscle.read` gives it.

@@ -1,0 +1,43 @@
+"""The README's Python runs, word for word, and does what the README says of it."""
+
+import re
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+README = Path(__file__).parents[1] / "README.md"
+BLOCKS = re.findall(r"^```python\n(.*?)^```", README.read_text(encoding="utf-8"), flags=re.M | re.S)
+
+
+def run(block, folder, monkeypatch):
+    """What the names of a block stand for at its end."""
+    matplotlib.use("Agg")
+    monkeypatch.chdir(folder)
+    names = {}
+    exec(compile(block, str(README), "exec"), names)
+    return names
+
+
+@pytest.mark.slow
+def test_diagnosis_simulation_and_fit(tmp_path, monkeypatch, capsys):
+    (block,) = [block for block in BLOCKS if "jm.diagnose" in block]
+    names = run(block, tmp_path, monkeypatch)
+    assert [effect.name for effect in names["diagnosis"].effects] == ["load_friction"]
+    assert {"pressure", "position"} <= set(names["predicted"].columns)
+    assert "load_friction" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_gains_are_tuned(tmp_path, monkeypatch, capsys):
+    (block,) = [block for block in BLOCKS if "closed_loop" in block]
+    run(f"import jaxmuscle as jm\n{block}", tmp_path, monkeypatch)
+    told = re.search(r"# ([\d.]+) deg, then ([\d.]+) deg", block)
+    before, after = map(float, capsys.readouterr().out.split())
+    # Where the method ends depends on rounding, which differs between processors.
+    assert before == pytest.approx(float(told[1]), abs=0.005)
+    assert after == pytest.approx(float(told[2]), abs=0.02)
+
+
+def test_no_block_is_left_out():
+    assert len(BLOCKS) == 2
