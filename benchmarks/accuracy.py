@@ -54,7 +54,7 @@ def curves() -> list[Row]:
     """Error, its estimate and time of every setting."""
     model = machine()
 
-    def position(**asked: Any) -> jm.recordings.simulated.Simulation:
+    def position(**asked: Any) -> Any:
         return jm.simulate(model, COMMAND, CLOCK, **asked)
 
     exact = np.asarray(position(method="dormand-prince", tolerance=1e-11, substeps=16).readings["position"])

@@ -40,7 +40,8 @@ class Traced:
         """Trace `function` (numbers, arrays) → arrays; of the arrays only the shapes matter."""
         numbers = [jax.ShapeDtypeStruct((), values.dtype)] * len(values)
         closed = jax.make_jaxpr(function)(numbers, list(given))
-        self.shapes = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in closed.out_avals]
+        results: Any = closed.out_avals
+        self.shapes = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in results]
         outputs = range(len(closed.jaxpr.outvars))
         used = [dce_jaxpr(closed.jaxpr, [i == k for i in outputs])[1] for k in outputs]
         table = np.array(used, dtype=bool).reshape(len(outputs), len(numbers) + len(given))

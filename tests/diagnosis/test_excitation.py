@@ -31,7 +31,7 @@ def isometric(*contractions, position_noise=0.0, rows=400):
     )
     rng, runs = np.random.default_rng(3), []
     for contraction in contractions:
-        time = whole.step * np.arange(rows)
+        time = whole.step * np.arange(rows, dtype=np.float64)
         columns = {
             "pressure": 101325 + 3e5 + 2e5 * np.sin(2 * np.pi * time / 0.4),
             "position": contraction + position_noise * rng.normal(size=rows),

@@ -120,7 +120,7 @@ def test_the_noise_that_a_fit_assumes_beside_gaps():
 
 def test_readings_in_steps_are_off_by_a_part_of_a_step():
     """A slow signal behind a converter; its differences are zero."""
-    values = np.round(100 * np.sin(np.arange(6000) / 1000))
+    values = np.round(100 * np.sin(np.arange(6000) / 1000)).astype(np.float64)
     bad = np.arange(6000) % 700 < 30
     expected = pytest.approx(1 / np.sqrt(12), rel=1e-6)
     assert noise_beside_gaps(np.where(bad, np.nan, values), bad) == expected == noise_level(values)
