@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -12,15 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import cheb2poly
+from peers_build import compiler
 from peers_model import COMMAND, CRITICAL, GAMMA, MASS, NAMES, SAMPLES, SHARES, STEP, VALUES, masses
 
 DEGREE, LANES = 17, 16
 FLAGS = "-O3 -march=native -fopenmp -ffast-math -mprefer-vector-width=512 -shared -fPIC".split()
-
-
-def compiler() -> str | None:
-    """The C compiler of this machine."""
-    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def library() -> ctypes.CDLL:

@@ -12,8 +12,8 @@ import numpy as np
 from peers_model import CLOCK, COMMAND, HOLD, KNOTS, START, STEP, rates
 
 SCALES = np.array([1.0, 1e5, 0.1, 0.1, *[0.1] * 8])
-TRIED = (("fixed", 1), ("fixed", 2), ("fixed", 4), ("fixed", 8), ("controlled", 1e-3), ("controlled", 1e-4),
-         ("controlled", 1e-5), ("controlled", 1e-6))  # fmt: skip
+TRIED = (("fixed", 1), ("fixed", 2), ("fixed", 4), ("fixed", 8), ("controlled", 1e-4), ("controlled", 1e-5),
+         ("controlled", 3e-6), ("controlled", 1e-6), ("controlled", 1e-7))  # fmt: skip
 """Steps a sample, or relative tolerance."""
 
 
