@@ -5,7 +5,7 @@ model); the fits know nothing but them. Five questions, each a part that can be 
 
     coverage     do the 95 % intervals hold the truth in 90 to 98 % of the repeats?
     starts       do at least 95 % of the starts that are 50 % off reach the best minimum?
-    race         seconds to the same cost beside scipy.optimize.least_squares and CasADi, cold and warm
+    race         seconds to the same cost beside scipy.optimize.least_squares and CasADi, one start and twenty
     effects      every effect's own parameters from starts 30 to 50 % off: are they found?
     hysteresis   weights and thresholds of two muscles, fifty parameters, within 60 s?
 

@@ -1,43 +1,34 @@
-"""The lifting bench in CasADi: the residuals of both links and their forward sensitivities.
+"""The lifting bench in CasADi: the residuals of both links and their forward sensitivities, compiled as C.
 
-The same equations, clock, windows and weights as the package's fit; one classical Runge-Kutta step a sample
-(four stages, as the package's own method). State and sensitivities run through one expanded function that is
-mapped over the samples, which was the fastest of what was tried.
+The same equations, clock, windows, weights and steps as the package's fit. A sample is one function of
+scalars, chained by `mapaccum`; the sensitivities are carried as state and multiply the sparse derivatives of
+each stage, the fastest of what was tried (see `peers_casadi.py`). Residuals and slopes are weighted in the
+same C.
 """
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
-import time
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from peers_build import OPS, caller, quickest
+from peers_methods import onward
+from peers_model import GAS, GRAVITY, nozzle
 
+from jaxmuscle.cores import cores
 from jaxmuscle.estimation.stations import Station
 
-GAMMA, GAS, GRAVITY, LAMINAR = 1.4, 287.0, 9.80665, 0.999
-CRITICAL = (2 / (GAMMA + 1)) ** (GAMMA / (GAMMA - 1))
-
-
-def nozzle(area: Any, one: Any, other: Any, temperature: float) -> Any:
-    """[H] 2.18-2.22 with a laminar chord beside equal pressures."""
-    up, down = ca.fmax(one, other), ca.fmin(one, other)
-    ratio = down / up
-    inside = ca.fmin(ca.fmax(ratio, CRITICAL), LAMINAR)
-    root = ca.sqrt(inside ** (2 / GAMMA) - inside ** ((GAMMA + 1) / GAMMA))
-    chord = ca.fmin((1 - ratio) / (1 - LAMINAR), 1.0)
-    size = area * up * np.sqrt(2 * GAMMA / ((GAMMA - 1) * GAS * temperature)) * root * chord
-    return ca.sign(one - other) * size
+COUNT = 8
+"""Parameters."""
+Found = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class CasadiLift:
-    """Residuals and their derivatives by (area, τ, n, r0, k, m, p_supply, d); `seconds`: time to build it."""
+    """Residuals and their derivatives by (area, τ, n, r0, k, m, p_supply, d)."""
 
-    def __init__(self, place: Station, compiled: bool) -> None:
-        begin = time.perf_counter()
+    def __init__(self, place: Station) -> None:
         machine, problem, track = place.actuator, place.problem, place.problem.track
         self.card = {n: float(_at(machine, p)) for n, p in machine.quantities.items()}
         rows, period = np.asarray(problem.rows), int(problem.period)
@@ -48,65 +39,68 @@ class CasadiLift:
         restart = np.isin(np.arange(count), (rows[:, None] + np.arange(0, problem.samples, period)).ravel())
         # A window that is longer than its recording goes on beyond it; its readings have no weight.
         inputs = [command, restart, *(measured[n] for n in names), *(later(measured[n]) for n in names)]
-        self.inputs = np.array(inputs, dtype=float)
-        at = rows[:, None] + np.arange(problem.samples)
-        inside, of = np.minimum(at, count - 1), lambda table: np.asarray(table)
-        self.parts = [(of(problem.targets[o]), of(problem.weights[o]), inside) for o in names[:2]]
-        step = self._step(float(track.step))
-        self.run = step.mapaccum("run", count)
-        if compiled:
-            flags = {"compiler": "shell", "jit": True, "jit_options": {"flags": ["-O3", "-march=native"]}}
-            looped = step.mapaccum("looped", count, {"base": 1000})
-            x, p, u = ca.MX.sym("x", 4 * 9), ca.MX.sym("p", 8), ca.MX.sym("u", len(inputs), count)
-            # CasADi leaves its sources and objects where it runs.
-            with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-                self.run = ca.Function("whole", [x, u, p], list(looped(x, u, ca.repmat(p, 1, count))), flags)
-        self.compiled = compiled
-        self.seconds = time.perf_counter() - begin
+        given = np.array(inputs, dtype=float)
+        inside = np.minimum(rows[:, None] + np.arange(problem.samples), count - 1).ravel()
+        targets = [np.asarray(problem.targets[name]).reshape(1, -1) for name in names[:2]]
+        weights = [np.asarray(problem.weights[name]).reshape(1, -1) for name in names[:2]]
+        step = self._sample(float(track.step), problem.substeps)
 
-    def __call__(self, values: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-        begin = np.zeros(36)
-        p = values if self.compiled else np.repeat(values[:, None], self.inputs.shape[1], axis=1)
-        out = np.asarray(self.run(begin, self.inputs, p)[1])
-        both = (out[0:9], out[9:18])
-        r, slopes = [], []
-        for (target, weight, at), table in zip(self.parts, both, strict=True):
-            r.append(((table[0][at] - target) * weight).ravel())
-            slopes.append((table[1:, at] * weight).reshape(8, -1))
-        return np.concatenate(r), np.concatenate(slopes, axis=1).T
+        def whole(base: int) -> Any:
+            p = ca.MX.sym("p", COUNT)
+            chain = step.mapaccum("chain", count, {"base": base})
+            out = chain(np.zeros(4 * (1 + COUNT)), given, ca.repmat(p, 1, count))[1]
+            residuals, slopes = [], []
+            for first, target, weight in zip((0, 1 + COUNT), targets, weights, strict=True):
+                read = out[first : first + 1 + COUNT, inside.tolist()]
+                residuals.append((read[0, :] - target) * weight)
+                slopes.append(read[1:, :] * np.repeat(weight, COUNT, axis=0))
+            return ca.Function("lift", [p], [ca.horzcat(*residuals), ca.horzcat(*slopes)])
 
-    def _step(self, h: float) -> Any:
+        build = quickest(whole, [np.ones(COUNT)])
+        self.function, self.calls = build.function, {}
+
+    def __call__(self, values: NDArray[np.float64]) -> Found:
+        return self.several(values[None])[0]
+
+    def several(self, points: NDArray[np.float64]) -> list[Found]:
+        """At several points at once, on all cores; what is given back stands until the next call."""
+        number = len(points)
+        if number not in self.calls:
+            function = self.function if number == 1 else self.function.map(number, "thread", cores())
+            taken = np.zeros((number, COUNT))
+            self.calls[number] = (taken, caller(function, taken.T))
+        taken, call = self.calls[number]
+        taken[:] = points
+        r, slopes = call()
+        return list(
+            zip(r.ravel(order="F").reshape(number, -1), slopes.T.reshape(number, -1, COUNT), strict=True)
+        )
+
+    def _sample(self, h: float, substeps: int) -> Any:
         """State and sensitivities of a sample → those of the next one, and the readings with theirs."""
-        p, state, given = ca.SX.sym("p", 8), ca.SX.sym("x", 4), ca.SX.sym("u", 8)
-        sens = ca.SX.sym("s", 4, 8)
-        begun = self._begun(state, given)
-        after = self._after(begun, given, p, h)
-        first = ca.mtimes(ca.jacobian(begun, state), sens)
-        total = ca.mtimes(
-            ca.substitute(ca.jacobian(self._after(state, given, p, h), state), state, begun), first
-        )
-        total += ca.jacobian(self._after(begun, given, p, h), p)
-        read = ca.vertcat(begun[1], first[1, :].T, begun[2], first[2, :].T)
-        packed = ca.vertcat(state, ca.vec(sens))
-        return ca.Function(
-            "step", [packed, given, p], [ca.vertcat(after, ca.vec(total)), read], {"cse": True}
-        )
+        whole, given, p = ca.SX.sym("z", 4, 1 + COUNT), ca.SX.sym("u", 8), ca.SX.sym("p", COUNT)
+        x, now = ca.SX.sym("x", 4), ca.SX.sym("now", 4)
+        rising = self._rates(x, now[0], now[1:], p)
+        rate = ca.Function("rate", [x, now, p], [rising, ca.jacobian(rising, x), ca.jacobian(rising, p)])
 
-    def _begun(self, state: Any, given: Any) -> Any:
-        """Opening runs on; pressure, position and velocity are as measured where a window begins."""
-        again = [ca.if_else(given[1] > 0, given[2 + i], state[1 + i]) for i in range(3)]
-        return ca.vertcat(state[0], *again)
+        def at(y: Any, part: float) -> Any:
+            known = ca.vertcat(given[0], given[2:5] + part * (given[5:8] - given[2:5]))
+            value, by_x, by_p = rate(y[:, 0], known, p)
+            return ca.horzcat(value, by_x @ y[:, 1:] + by_p)
 
-    def _after(self, state: Any, given: Any, p: Any, h: float) -> Any:
-        rates = lambda x, f: self._rates(x, given[0], given[2:5] + f * (given[5:8] - given[2:5]), p)  # noqa: E731
-        one = rates(state, 0.0)
-        two = rates(state + h / 2 * one, 0.5)
-        three = rates(state + h / 2 * two, 0.5)
-        end = state + h / 6 * (one + 2 * two + 2 * three + rates(state + h * three, 1.0))
-        down = end[2] <= 0
-        return ca.vertcat(
-            end[0], end[1], ca.if_else(down, 0, end[2]), ca.if_else(down, ca.fmax(end[3], 0), end[3])
-        )
+        # Opening runs on; pressure, position and velocity are as measured where a window begins.
+        again = ca.horzcat(given[2:5], ca.SX(3, COUNT))
+        begun = ca.vertcat(whole[0, :], ca.if_else(given[1] > 0, again, whole[1:, :]))
+        after = begun
+        for place in range(substeps):
+            part = lambda y, node, k=place: at(y, (k + node) / substeps)  # noqa: E731
+            end = onward("chebyshev", part, after, h / substeps)
+            down, falling = end[2, 0] <= 0, ca.logic_and(end[2, 0] <= 0, end[3, 0] < 0)
+            landed = ca.vertcat(ca.if_else(down, 0, end[2, :]), ca.if_else(falling, 0, end[3, :]))
+            after = ca.vertcat(end[:2, :], landed)
+        read = ca.vertcat(begun[1, :].T, begun[2, :].T)
+        packed = [ca.vec(whole.T), given, p]
+        return ca.Function("sample", packed, [ca.densify(ca.vec(after.T)), ca.densify(read)], {"cse": True})
 
     def _rates(self, state: Any, command: Any, measured: Any, p: Any) -> Any:
         """Each link with its measured inputs: pressure from the motion, motion from the pressure."""
@@ -114,8 +108,9 @@ class CasadiLift:
         c, (opening, pressure, x, v) = self.card, ca.vertsplit(state)
         temperature, ambient, l0, alpha = (c["gas_temperature"], c["ambient_pressure"], c["initial_length"],
                                            c["braid_angle"])  # fmt: skip
-        flow = nozzle(area * ca.fmax(opening, 0), supply, pressure, temperature)
-        flow -= nozzle(area * ca.fmax(-opening, 0), pressure, ambient, temperature)
+        charging = opening >= 0
+        source, sink = ca.if_else(charging, supply, pressure), ca.if_else(charging, pressure, ambient)
+        flow = nozzle(area * opening, source, sink, temperature, OPS)
         ratio, cos2 = 1 - measured[1] / l0, np.cos(alpha) ** 2
         base = np.pi * r0**2 / np.sin(alpha) ** 2
         volume, slope = base * l0 * ratio * (1 - cos2 * ratio**2), -base * (1 - 3 * cos2 * ratio**2)

@@ -1,11 +1,10 @@
 """Seconds to the same cost: this package, scipy with finite differences on it, and CasADi, in one run.
 
 The lifting bench of the oracles, eight parameters, every one 20 % off at the start, priors of 10 %; from one
-start, and from twenty, which this package brings down together. All
-minimise one cost: the residuals of both links, window by window, with the same weights, and the priors.
-All times are those of the minimisation alone, up to the first point whose cost is within a thousandth of the
-worst of the minima found (from twenty starts, of our best): no weights, no error of the solver, no
-covariance, by nobody. Cold, ours and scipy's begin with nothing compiled, CasADi's with nothing built.
+start, and from twenty (`fitting_starts.py`). All minimise one cost: the residuals of both links, window by
+window, with the same weights, and the priors. All times are those of the minimisation alone, up to the first
+point whose cost is within a thousandth of the worst of the minima found (from twenty starts, of our best): no
+weights, no error of the solver, no covariance, by nobody. Cold, ours and scipy's begin with nothing compiled.
 
 CasADi's derivatives are used by the package's own Gauss-Newton (Levenberg-Marquardt) method, which shows what
 derivatives alone are worth, and by the trust region of scipy.
@@ -25,7 +24,6 @@ from fitting_cases import CASES
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from jaxmuscle.cores import cores
 from jaxmuscle.estimation.arguments import prepared
 from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.descent import descend
@@ -33,7 +31,6 @@ from jaxmuscle.estimation.lane import Limits
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Local, Objective
-from jaxmuscle.estimation.search import side_by_side
 from jaxmuscle.estimation.slopes import residual_vector
 from jaxmuscle.estimation.stations import station
 from jaxmuscle.parameters import get
@@ -44,8 +41,9 @@ OFF = 0.2
 PRIOR = 0.1
 SAME = 1e-3
 """Relative difference of two costs up to which they are the same."""
-WARM_RUNS, MANY_RUNS = 7, 3
-STARTS = 20
+EQUAL = 1e-9
+"""Relative difference that rounding may make."""
+WARM_RUNS = 7
 
 Trace = list[tuple[float, float]]
 Vector = NDArray[np.float64]
@@ -61,81 +59,46 @@ def task() -> tuple[Objective, Vector]:
     unknowns = layout(machine, [recording], ["lift"], Asked(FREE, priors=priors))
     objective = Objective([station(machine, recording, "lift", None, {})], unknowns, Squares())
     signs = np.random.default_rng(4).choice([-1, 1], size=len(FREE))
-    return objective, unknowns.coordinates(unknowns.start * (1 + OFF * signs))
+    return objective, unknowns.coordinates(np.asarray(unknowns.start * (1 + OFF * signs), dtype=np.float64))
 
 
 def race() -> list[dict[str, Any]]:
-    """Cold, then warm; each against both others."""
+    """From one start cold, then warm, then from twenty, each against both others; and fifty parameters."""
     from fitting_casadi import CasadiLift
+    from fitting_starts import many
 
     objective, start = task()
-    runners: dict[str, Callable[[Vector], Trace]] = {
-        "ours": lambda u: ours(objective, u),
-        "scipy": lambda u: scipys(objective, u),
-    }
-    cold = {name: run(start) for name, run in runners.items()}
-    for name, compiled in (("casadi", False), ("casadi, compiled with gcc", True)):
-        model = CasadiLift(objective.stations[0], compiled)
-        cold[name] = casadis(objective, start, model, model.seconds)
-        runners[name] = lambda u, m=model: casadis(objective, u, m)
-        runners[f"{name}, scipy's trust region"] = lambda u, m=model: trusting(objective, u, m)
-        cold[f"{name}, scipy's trust region"] = trusting(objective, start, model, model.seconds)
+    # Nothing is compiled before these two.
+    cold = {"ours": ours(objective, start), "scipy": scipys(objective, start)}
+    model = CasadiLift(objective.stations[0])
+    agree(objective, start, model)
     warm = {
         name: min((run(start) for _ in range(WARM_RUNS)), key=lambda t: t[-1][0])
-        for name, run in runners.items()
+        for name, run in runners(objective, model).items()
     }
-    return [*rows("cold", cold), *rows("warm", warm), *many(objective, runners), *fifty()]
+    return [*rows(cold, warm), *many(objective, model), *fifty()]
 
 
-def many(objective: Objective, runners: Mapping[str, Callable[[Vector], Trace]]) -> list[dict[str, Any]]:
-    """Twenty starts, warm: ours all at once, the others one after the other.
-
-    Time counts until each start has come to the common minimum, or to its end where it does not come there.
-    """
-    starts, unknowns = scattered(objective), objective.unknowns
-    objective = side_by_side(objective, len(starts))
-    limits = Limits(unknowns.lower, unknowns.upper, 60, len(starts), samples=objective.samples,
-                    reach=unknowns.reach)  # fmt: skip
-    ended = descend(objective.at, starts, limits)
-    best = min(lane.cost for lane in ended)
-    target = best * (1 + SAME)
-    seconds = {"ours": min(together(objective, starts, limits, target) for _ in range(MANY_RUNS))}
-    arrived = {"ours": sum(lane.cost <= target for lane in ended)}
-    for name, run in runners.items():
-        if name != "ours":
-            traces = []
-            for _ in range(MANY_RUNS):
-                traces = [run(start) for start in starts]
-                ends = [next((t for t, c in trace if c <= target), trace[-1][0]) for trace in traces]
-                seconds[name] = min(seconds.get(name, np.inf), sum(ends))
-            arrived[name] = sum(trace[-1][1] <= target for trace in traces)
-    quickest = min(value for name, value in seconds.items() if "casadi" in name)
-    found = []
-    for who, ratio, goal in (("scipy", seconds["scipy"], 10), ("CasADi", quickest, 1)):
-        row = {"figure": f"{len(starts)} starts: times faster than {who}, warm", "goal": f">= {goal}",
-               "ours": ratio / seconds["ours"], "ok": ratio >= goal * seconds["ours"], "seconds": seconds,
-               "told": f"ours on {cores()} cores, the others on one", "arrived": arrived}  # fmt: skip
-        found.append(
-            row if row["ok"] else {**row, "why": "beside each evaluation a start takes a step in NumPy"}
-        )
-    return found
+def agree(objective: Objective, start: Vector, model: Any) -> None:
+    """CasADi minimises the same cost, with the same derivatives."""
+    mine, theirs = (
+        objective.at(start[None])[0],
+        local(objective.unknowns, start, *model(objective.unknowns.values(start))),
+    )
+    for name in ("cost", "gradient"):
+        one, other = np.asarray(getattr(mine, name)), np.asarray(getattr(theirs, name))
+        apart = np.abs(one - other).max() / np.abs(one).max()
+        assert apart < EQUAL, f"{name} of CasADi and ours are {apart:.1e} apart"
 
 
-def together(objective: Objective, starts: NDArray[np.float64], limits: Limits, target: float) -> float:
-    """Seconds until the last start has come to this cost; all are under way from the beginning."""
-    assert limits.lanes >= len(starts), "a cost of every start belongs to every round"
-    begin, stamps = time.perf_counter(), []
-    lanes = descend(objective.at, starts, limits, tell=lambda _: stamps.append(time.perf_counter() - begin))
-    rounds = [
-        next((i for i, c in enumerate(lane.costs) if c <= target), len(lane.costs) - 1) for lane in lanes
-    ]
-    return stamps[max(rounds)]
-
-
-def scattered(objective: Objective) -> NDArray[np.float64]:
-    """Starts with every parameter 20 % too small or too large."""
-    signs = np.random.default_rng(5).choice([-1, 1], size=(STARTS, len(FREE)))
-    return np.stack([objective.unknowns.coordinates(objective.unknowns.start * (1 + OFF * s)) for s in signs])
+def runners(objective: Objective, model: Any) -> dict[str, Callable[[Vector], Trace]]:
+    """Who takes part: start → time and cost of each evaluation."""
+    return {
+        "ours": lambda u: ours(objective, u),
+        "scipy": lambda u: scipys(objective, u),
+        "casadi": lambda u: casadis(objective, u, model),
+        "casadi, scipy's trust region": lambda u: trusting(objective, u, model),
+    }
 
 
 def fifty() -> list[dict[str, Any]]:
@@ -179,49 +142,48 @@ def if_slopes_were_free(common: Mapping[str, Any]) -> float:
     return common["evaluations"]["scipy"] / common["evaluations"]["ours"]
 
 
-def rows(state: str, traces: dict[str, Trace]) -> list[dict[str, Any]]:
-    common = until_the_target(traces)
-    seconds = common["seconds"]
-    best = min(value for name, value in seconds.items() if "casadi" in name)
-    mine, scipy = seconds["ours"], seconds["scipy"]
-    warm = state == "warm"
-    found = [{"figure": f"times faster than scipy with finite differences, {state}", "goal": ">= 10",
-              "ours": scipy / mine, "ok": scipy >= 10 * mine, **common,
-              "why": f"{if_slopes_were_free(common):.1f} if slopes cost nothing" if warm else
-                     "one compilation of derivatives costs more than it saves here"},
-             {"figure": f"times faster than CasADi, {state}",
-              "goal": ">= 1" if warm else "none is set", "ours": best / mine,
-              "ok": not warm or best >= mine, **common,
-              "why": "its step is straight C with the sensitivities written out"}]  # fmt: skip
-    return [{k: v for k, v in row.items() if k != "why" or not row["ok"]} for row in found]
+def rows(cold: dict[str, Trace], warm: dict[str, Trace]) -> list[dict[str, Any]]:
+    first, later = until_the_target(cold), until_the_target(warm)
+    casadi = min(value for name, value in later["seconds"].items() if "casadi" in name)
+    mine, evaluations = later["seconds"]["ours"], later["evaluations"]
+    each = f"{evaluations['ours']} evaluations of ours, {evaluations['casadi']} of CasADi's"
+    free = f"{if_slopes_were_free(later):.1f} if slopes cost nothing"
+    compiling = first["seconds"]["scipy"] / first["seconds"]["ours"]
+    told = (
+        ("scipy with finite differences, cold", compiling, 10, first,
+         "one compilation of derivatives costs more than it saves here"),
+        ("scipy with finite differences, warm", later["seconds"]["scipy"] / mine, 10, later, free),
+        ("CasADi, warm", casadi / mine, 1, later, each),
+    )  # fmt: skip
+    found = []
+    for who, ratio, goal, common, why in told:
+        row = {"figure": f"times faster than {who}", "goal": f">= {goal}", "ours": ratio, "ok": ratio >= goal}
+        found.append({**row, **common} | ({} if row["ok"] else {"why": why}))
+    return found
 
 
 def ours(objective: Objective, start: Vector) -> Trace:
     return _descended(objective.at, objective, start)
 
 
-def casadis(objective: Objective, start: Vector, model: Any, before: float = 0.0) -> Trace:
-    """CasADi's residuals and slopes; `before`: seconds to build it."""
+def casadis(objective: Objective, start: Vector, model: Any) -> Trace:
+    """CasADi's residuals and slopes under the package's own descent."""
     unknowns = objective.unknowns
-
-    def at(points: NDArray[np.float64]) -> list[Local]:
-        (u,) = points
-        r, jacobian = model(unknowns.values(u))
-        slopes, prior, steep = (
-            jacobian * unknowns.slopes(u),
-            unknowns.prior_residuals(u),
-            unknowns.prior_slopes,
-        )
-        cost = 0.5 * float(r @ r + prior @ prior)
-        return [Local(cost, slopes.T @ r + prior * steep, slopes.T @ slopes + np.diag(steep**2), 0)]
-
-    return _descended(at, objective, start, before)
+    at = lambda points: [local(unknowns, points[0], *model(unknowns.values(points[0])))]  # noqa: E731
+    return _descended(at, objective, start)
 
 
-def _descended(at: Any, objective: Objective, start: Vector, before: float = 0.0) -> Trace:
+def local(unknowns: Any, u: Vector, r: Vector, jacobian: NDArray[np.float64]) -> Local:
+    """Cost, gradient and curvature from residuals and their slopes by the values."""
+    slopes, prior, steep = jacobian * unknowns.slopes(u), unknowns.prior_residuals(u), unknowns.prior_slopes
+    cost = 0.5 * float(r @ r + prior @ prior)
+    return Local(cost, slopes.T @ r + prior * steep, slopes.T @ slopes + np.diag(steep**2), 0)
+
+
+def _descended(at: Any, objective: Objective, start: Vector) -> Trace:
     begin, trace, unknowns = time.perf_counter(), [], objective.unknowns
     limits = Limits(unknowns.lower, unknowns.upper, 60, 1, samples=objective.samples, reach=unknowns.reach)
-    note = lambda course: trace.append((before + time.perf_counter() - begin, course.cost))  # noqa: E731
+    note = lambda course: trace.append((time.perf_counter() - begin, course.cost))  # noqa: E731
     descend(at, start[None], limits, tell=note)
     return trace
 
@@ -246,7 +208,7 @@ def scipys(objective: Objective, start: Vector) -> Trace:
     return trace
 
 
-def trusting(objective: Objective, start: Vector, model: Any, before: float = 0.0) -> Trace:
+def trusting(objective: Objective, start: Vector, model: Any) -> Trace:
     """CasADi's residuals and slopes under scipy's least_squares."""
     begin, trace, unknowns = time.perf_counter(), [], objective.unknowns
     last: dict[str, Any] = {}
@@ -258,7 +220,7 @@ def trusting(objective: Objective, start: Vector, model: Any, before: float = 0.
             slopes = np.vstack([jacobian * unknowns.slopes(u), np.diag(unknowns.prior_slopes)])
             last.update(u=u.copy(), found=(whole, slopes))
             cost = 0.5 * float(whole @ whole)
-            passed = before + time.perf_counter() - begin
+            passed = time.perf_counter() - begin
             trace.append((passed, min(cost, trace[-1][1] if trace else np.inf)))
         return last["found"]
 

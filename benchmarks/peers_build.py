@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+import types
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,10 @@ from typing import Any
 import casadi as ca  # pyright: ignore[reportMissingImports]
 import numpy as np
 
+OPS = types.SimpleNamespace(
+    where=ca.if_else, exp=ca.exp, sqrt=ca.sqrt, maximum=ca.fmax, minimum=ca.fmin, sin=ca.sin, cos=ca.cos
+)
+"""CasADi's functions by the names that the model uses."""
 # In C89 CasADi writes a maximum as a comparison, which is one instruction; fmax of C99 is a call.
 PLAIN = ("-march=native", "-std=gnu89", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 LEVELS = ("-O2", "-O3")
@@ -42,7 +47,10 @@ def built(function: Any, level: str) -> Any:
 
 
 def caller(function: Any, *given: Any) -> Callable[[], list[np.ndarray]]:
-    """A call on buffers that stay where they are: CasADi's way without a copy; outputs as they lie."""
+    """A call on buffers that stay where they are: CasADi's way without a copy.
+
+    What is `given` as contiguous doubles, column by column, is read where it lies at every call.
+    """
     buffer, trigger = function.buffer()
     taken = [np.ascontiguousarray(np.ravel(value, order="F"), dtype=float) for value in given]
     made = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]

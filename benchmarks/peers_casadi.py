@@ -8,13 +8,13 @@ states.
 
 from __future__ import annotations
 
-import types
 from collections.abc import Callable
 from typing import Any
 
 import casadi as ca  # pyright: ignore[reportMissingImports]
 import numpy as np
-from peers_build import caller, quickest
+from peers_build import OPS, caller, quickest
+from peers_methods import onward
 from peers_model import (
     COMMAND,
     FREE,
@@ -30,39 +30,12 @@ from peers_model import (
     own_rates,
 )
 
-from jaxmuscle.chebyshev import STAGES, stages_of
-
-OPS = types.SimpleNamespace(
-    where=ca.if_else, exp=ca.exp, sqrt=ca.sqrt, maximum=ca.fmax, minimum=ca.fmin, sin=ca.sin, cos=ca.cos
-)
-TABLES = {
-    "heun": (((1.0,),), (1 / 2, 1 / 2)),
-    "bogacki-shampine": (((1 / 2,), (0.0, 3 / 4)), (2 / 9, 1 / 3, 4 / 9)),
-}
-"""Stages and weights of Runge-Kutta methods."""
 STEPS = SAMPLES - 1
 ANGLE = NAMES.index("angle")
 LEVEL_SAMPLES = 10
 GIVEN = (COMMAND[:STEPS], VALUES)
 """What a run takes."""
 Steps = tuple[str, int]
-
-
-def onward(method: str, rate: Callable[[Any], Any], y: Any, h: float) -> Any:
-    """One step of a method; `y` may carry sensitivities as further columns."""
-    if method == "chebyshev":
-        first = now = rate(y)
-        before = last = 0 * y
-        for number, stage in enumerate(stages_of(STAGES)):
-            now = rate(y + last) if number else first
-            slope = stage.rate * now + stage.first_rate * first
-            before, last = last, stage.last * last + stage.before * before + h * slope
-        return y + last
-    rows, weights = TABLES[method]
-    found = [rate(y)]
-    for row in rows:
-        found.append(rate(y + h * sum(a * k for a, k in zip(row, found, strict=True))))
-    return y + h * sum(b * k for b, k in zip(weights, found, strict=True))
 
 
 def pieces() -> tuple[Any, Any]:
@@ -96,7 +69,7 @@ def sample(steps: Steps, directions: int) -> tuple[Any, Any, Any, Any]:
     after, (method, substeps) = whole, steps
     for _ in range(substeps):
         plays = after[4:, :]
-        own = onward(method, lambda y, f=plays: carried(rate, y, f), after[:4, :], STEP / substeps)
+        own = onward(method, lambda y, _, f=plays: carried(rate, y, f), after[:4, :], STEP / substeps)
         after = carried(end, own, plays)
     return whole, u, q, ca.densify(after)
 

@@ -6,8 +6,7 @@ from typing import Any
 
 import casadi as ca  # pyright: ignore[reportMissingImports]
 import numpy as np
-from peers_build import PLAIN, compiler
-from peers_casadi import OPS
+from peers_build import OPS, PLAIN, compiler
 from peers_model import CLOCK, COMMAND, FREE, MASS, NAMES, START, START_SLOPES, STEP, VALUES, masses, rates
 
 TRIED = (
