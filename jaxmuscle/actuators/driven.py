@@ -12,13 +12,17 @@ from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
 from jaxmuscle.components import McKibben
+from jaxmuscle.components.contact import tension
 from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_velocity, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
 
 
 class Driven(AbstractActuator):
-    """Rig `driven`: pressure and contraction are imposed and measured, the force is predicted ([T] 4, 7)."""
+    """Rig `driven`: pressure and contraction are imposed and measured, the force is predicted ([T] 4, 7).
+
+    A muscle cannot push: where force, effects and friction of the threads together would, the force is 0.
+    """
 
     rig: ClassVar = "driven"
     units: ClassVar = {"load": "N", "motion": "m"}
@@ -58,7 +62,7 @@ class Driven(AbstractActuator):
         signals = self._with(signals, MUSCLE_FORCE, force, states)
         slip = slip_of_velocity(state["velocity"], widening=held.widening)
         friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip
-        signals = signals.having(force=signals.muscle_force - friction)
+        signals = signals.having(force=tension(signals.muscle_force - friction))
         return self._with(signals, FORCE_READING, signals.force, states)
 
     def vector_field(self, state: State, held: Held) -> State:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -11,27 +12,26 @@ from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
 from jaxmuscle.components import FlowValve, McKibben
+from jaxmuscle.components.contact import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
-from jaxmuscle.effects.base import (
-    AbstractEffect,
-    friction_limit,
-    slip_of_mass,
-    state_rates,
-)
+from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MASS_FLOW, MUSCLE_FORCE, Signals
 
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]"""
+PLATE = 0.0, math.inf
+"""Stops of the mass: the base plate, and nothing above [m]."""
 
 
 class Isotonic(AbstractActuator):
     r"""Rig `isotonic`: command → opening → mass flow → pressure → force → motion of the mass.
 
-    .. math:: \dot p = \frac{n R T \dot m - n p \dot V}{V}, \quad m \ddot x = F - m g, \quad x ≥ 0
+    .. math:: \dot p = \frac{n R T \dot m - n p \dot V}{V}, \quad m \ddot x = F - m g, \quad x ≥ 0, \quad F ≥ 0
 
     n: `polytropic_exponent`, 1 for an isothermal chamber. [T] equation 18, [H] 2.29. The base plate at
-    x = 0 is unilateral and inelastic: it holds the mass while F < m g and stops it when it falls back.
+    x = 0 is unilateral and inelastic: it holds the mass while F < m g and stops it when it falls back. A
+    muscle cannot push: F is what is left of force, effects and friction of the threads where that pulls.
     """
 
     rig: ClassVar = "isotonic"
@@ -100,14 +100,17 @@ class Isotonic(AbstractActuator):
         signals = self._with(signals, MASS_FLOW, flow, states)
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
-        signals = self._with(signals, LOAD, signals.muscle_force - self.mass * STANDARD_GRAVITY, states)
-        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals)
-        in_guide = friction_limit(self.effects, LOAD, signals)
-        slip = slip_of_mass(signals.load, self.mass * signals.velocity, in_threads + in_guide, held.widening)
-        return signals.having(
-            muscle_force=signals.muscle_force - in_threads * slip,
-            load=signals.load - (in_threads + in_guide) * slip,
-        )
+        loose = self._load(signals, signals.muscle_force, states)
+        in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose)
+        in_guide = friction_limit(self.effects, LOAD, loose)
+        slip = slip_of_mass(loose.load, self.mass * signals.velocity, in_threads + in_guide, held.widening)
+        rubbed = self._load(signals, signals.muscle_force - in_threads * slip, states)
+        return rubbed.having(load=rubbed.load - in_guide * slip)
+
+    def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
+        """The chain from the muscle force, which cannot push, to what accelerates the mass."""
+        pulling = signals.having(muscle_force=tension(muscle_force))
+        return self._with(pulling, LOAD, pulling.muscle_force - self.mass * STANDARD_GRAVITY, states)
 
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
@@ -118,12 +121,11 @@ class Isotonic(AbstractActuator):
         volume_rate = self.muscle.volume_slope(signals.contraction) * velocity
         inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
         acceleration = signals.load / self.mass
-        held_by_plate = (signals.position <= 0) & (acceleration < 0)
         return {
             "opening": self.valve.opening_rate(signals.command, state["opening"]),
             "pressure": n * (inflow - signals.pressure * volume_rate) / volume,
             "position": signals.velocity,
-            "velocity": jnp.where(held_by_plate, 0.0, acceleration),
+            "velocity": stopped_acceleration(acceleration, signals.position, signals.velocity, *PLATE),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
 
@@ -131,9 +133,5 @@ class Isotonic(AbstractActuator):
         return {"pressure": signals.pressure, "position": signals.position}
 
     def constrained(self, state: State) -> State:
-        below = state["position"] <= 0
-        return {
-            **state,
-            "position": jnp.where(below, 0.0, state["position"]),
-            "velocity": jnp.where(below, jnp.maximum(state["velocity"], 0.0), state["velocity"]),
-        }
+        position, velocity = stopped(state["position"], state["velocity"], *PLATE)
+        return {**state, "position": position, "velocity": velocity}

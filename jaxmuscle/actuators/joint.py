@@ -19,9 +19,11 @@ __all__ = ["SIDES", "Joint"]
 class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
     r"""Rig `joint`: commands → regulated pressures → muscle forces → joint angle.
 
-    .. math:: J \ddot θ = R (F_1 - F_2), \quad x_{1,2} = ε_0 l_0 ± R θ, \quad F_i ≥ 0
+    .. math:: J \ddot θ = R (F_1 - F_2), \quad x_{1,2} = ε_0 l_0 ± R θ ≥ 0, \quad F_i ≥ 0
 
-    [T], antagonist section. A positive angle shortens muscle 1. Arrays run over the two muscles.
+    [T], antagonist section. A positive angle shortens muscle 1. The joint ends at ±ε0 l0/R, where a muscle
+    is at its full length, which its braid does not let it pass; the stop is inelastic. Arrays run over the
+    two muscles.
     """
 
     rig: ClassVar = "joint"

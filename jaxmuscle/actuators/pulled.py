@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
 from jaxmuscle.components import McKibben
+from jaxmuscle.components.antagonist import joint_range
+from jaxmuscle.components.contact import stopped, stopped_acceleration, tension
 from jaxmuscle.effects.base import States, altered_muscle, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
@@ -19,7 +21,11 @@ SIDES = np.array([1.0, -1.0])
 
 
 class AbstractPulledJoints(AbstractActuator):
-    """Equal muscles on sprockets of one radius; angles are measured."""
+    """Equal muscles on sprockets of one radius; angles are measured.
+
+    The braid does not stretch: a joint ends, inelastically, where one of its muscles is at its full length,
+    x = 0 or θ = ±ε0 l0/R (:func:`jaxmuscle.components.antagonist.joint_range`).
+    """
 
     quantities: ClassVar = {
         "initial_length": "muscle.initial_length",
@@ -63,14 +69,21 @@ class AbstractPulledJoints(AbstractActuator):
         force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
         return self._with(signals, MUSCLE_FORCE, force, states)
 
+    @property
+    def _ends(self) -> tuple[Array, Array]:
+        """Angles at which a joint ends [rad]."""
+        largest = joint_range(self.muscle, self.sprocket_radius, self.initial_contraction)
+        return -largest, largest
+
     def constrained(self, state: State) -> State:
-        return state
+        angle, velocity = stopped(state["angle"], state["angular_velocity"], *self._ends)
+        return {**state, "angle": angle, "angular_velocity": velocity}
 
 
 class AbstractOpposedMuscles(AbstractPulledJoints):
     r"""One joint between two muscles that pull against each other, with dry friction of threads and bearing.
 
-    .. math:: J \ddot θ = R (F_1 - F_2), \quad x_{1,2} = ε_0 l_0 ± R θ, \quad F_i ≥ 0
+    .. math:: J \ddot θ = R (F_1 - F_2), \quad x_{1,2} = ε_0 l_0 ± R θ ≥ 0, \quad F_i ≥ 0
 
     [T], antagonist section. A positive angle shortens muscle 1.
     """
@@ -90,14 +103,17 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torque on the joint."""
-        pulling = signals.having(muscle_force=jnp.maximum(muscle_force, 0.0))
+        pulling = signals.having(muscle_force=tension(muscle_force))
         torque = self.sprocket_radius * (SIDES * pulling.muscle_force).sum()
         return self._with(pulling, LOAD, torque, states)
 
     def _motion_rates(self, state: State, signals: Signals) -> State:
         """Rates of the angle, of its rate and of the effects' states."""
+        acceleration = signals.load / self.inertia
         return {
             "angle": signals.velocity,
-            "angular_velocity": signals.load / self.inertia,
+            "angular_velocity": stopped_acceleration(
+                acceleration, signals.position, signals.velocity, *self._ends
+            ),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }

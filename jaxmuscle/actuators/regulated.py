@@ -43,7 +43,7 @@ class AbstractMuscleJoints(AbstractRegulated, AbstractPulledJoints):
     )
 
     def rest(self, measured: Mapping[str, Array]) -> State:
-        return {"pressure_rate": jnp.zeros(len(self.commands)), **measured}
+        return self.constrained({"pressure_rate": jnp.zeros(len(self.commands)), **measured})
 
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"pressure": signals.pressure, "angle": signals.position}

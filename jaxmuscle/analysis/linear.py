@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
@@ -23,7 +23,8 @@ FAR = 1e7
 class LinearModel(eqx.Module):
     r""":math:`\dot x = A x + B u,\ y = C x + D u` about an operating point.
 
-    `states`, `inputs` and `outputs` name the entries of x, u and y.
+    `states`, `inputs` and `outputs` name the entries of x, u and y. `converged`: whether there is such a point;
+    where there is none, among many at once, all numbers are NaN.
     """
 
     a: Float[Array, "states states"]
@@ -33,6 +34,7 @@ class LinearModel(eqx.Module):
     states: tuple[str, ...] = eqx.field(static=True)
     inputs: tuple[str, ...] = eqx.field(static=True)
     outputs: tuple[str, ...] = eqx.field(static=True)
+    converged: Bool[Array, ""] | bool = True
 
     @eqx.filter_jit
     def poles(self) -> Complex[Array, " states"]:
@@ -77,7 +79,7 @@ class LinearModel(eqx.Module):
     def bandwidth(self, output: str, input: str | None = None) -> Float[Array, ""]:
         """Lowest frequency [rad/s] at which the gain has fallen by 3 dB from the static one.
 
-        Infinite where it has not within 10^5 rad/s. May be vmapped.
+        Infinite where it has not within 10^5 rad/s, NaN where the gain is. May be vmapped.
         """
         limit = HALF_POWER * jnp.abs(self.gain(output, input))
         grid = jnp.logspace(np.log10(LOWEST), np.log10(HIGHEST), GRID)
@@ -91,7 +93,7 @@ class LinearModel(eqx.Module):
             return (jnp.where(fallen, low, middle), jnp.where(fallen, middle, high)), None
 
         (low, high), _ = jax.lax.scan(halved, (grid[first - 1], grid[first]), None, length=40)
-        return jnp.where(below.any(), jnp.sqrt(low * high), jnp.inf)
+        return jnp.where(below.any(), jnp.sqrt(low * high), jnp.where(jnp.isnan(limit), jnp.nan, jnp.inf))
 
     def _places(self, output: str, input: str | None) -> tuple[int, int]:
         if output not in self.outputs:

@@ -14,7 +14,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
-from jaxmuscle.effects.base import States
+from jaxmuscle.effects.base import STICKING_TIME, States
 from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation import Track, start_at_rest
@@ -54,10 +54,18 @@ class Situation(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
 
     def rates(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
-        """Packed time derivatives under a constant command."""
+        r"""Packed time derivatives under a constant command, :math:`f(Πx) + (Πx - x)/τ`.
+
+        Π: what stops leave of a state (`constrained`); τ: :data:`STICKING_TIME`. Within the stops Πx = x. At
+        a stop, where f alone leaves the position open, x goes back to it with rate 1/τ, so that a machine
+        that lies against a stop has one state of rest there.
+        """
         free = self.unpack(packed)
-        rates = actuator.vector_field({**free, **self.held}, steady(actuator, command, self.memory))
-        return ravel_pytree({name: rates[name] for name in free})[0]
+        state = {**free, **self.held}
+        stopped = actuator.constrained(state)
+        rates = actuator.vector_field(stopped, steady(actuator, command, self.memory))
+        back = jax.tree.map(lambda inside, x: (inside - x) / STICKING_TIME, stopped, state)
+        return ravel_pytree({name: jax.tree.map(jnp.add, rates[name], back[name]) for name in free})[0]
 
     def readings(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
         """All readings as one vector, in the order of the rig's outputs."""

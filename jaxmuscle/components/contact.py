@@ -1,11 +1,16 @@
-"""One-sided contact of bodies that can press but not pull."""
+"""One-sided contact: bodies that press but do not pull, muscles that pull but do not push, hard stops."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 Value = Float[Array, "..."]
+Sides = tuple[Bool[Array, "..."], Bool[Array, "..."]]
+"""Whether something is at its lower and at its upper stop."""
+
+NEAR = 1e-12
+"""What is nearer to a stop than this is at it: more than rounding leaves, less than matters [m or rad]."""
 
 
 def positive_part(value: Array, width: Array | float) -> Array:
@@ -26,3 +31,39 @@ def pressing(depth: Value, speed: Value, stiffness: Value, damping: Value, width
         width: penetration over which contact sets in [m].
     """
     return stiffness * positive_part(depth, width) * positive_part(1 + damping * speed, 0.1)
+
+
+def tension(force: Value) -> Value:
+    """Tension of something that goes slack rather than push, max(F, 0) [N].
+
+    At F = 0, an empty muscle, the slope is the one towards tension, so that pressure is seen to act.
+    """
+    return jnp.where(force < 0, 0.0, force)
+
+
+def stopped(
+    position: Value, velocity: Value, lowest: Array | float, highest: Array | float
+) -> tuple[Value, Value]:
+    """Position and velocity after hard inelastic stops have acted: none outside, none outwards at a stop."""
+    below, above = at_stops(position, lowest, highest)
+    inward = jnp.where(below, jnp.maximum(velocity, 0.0), velocity)
+    inward = jnp.where(above, jnp.minimum(inward, 0.0), inward)
+    return jnp.where(below, lowest, jnp.where(above, highest, position)), inward
+
+
+def at_stops(position: Value, lowest: Array | float, highest: Array | float) -> Sides:
+    """Whether something has reached its lower and its upper stop."""
+    return position <= lowest + NEAR, position >= highest - NEAR
+
+
+def against(position: Value, velocity: Value, lowest: Array | float, highest: Array | float) -> Sides:
+    """Whether something lies against its lower and its upper stop: there, and not on its way back."""
+    return (position <= lowest) & (velocity <= 0), (position >= highest) & (velocity >= 0)
+
+
+def stopped_acceleration(
+    acceleration: Value, position: Value, velocity: Value, lowest: Array | float, highest: Array | float
+) -> Value:
+    """Acceleration between the stops of :func:`stopped`: none into a stop that it lies against."""
+    below, above = against(position, velocity, lowest, highest)
+    return jnp.where((below & (acceleration < 0)) | (above & (acceleration > 0)), 0.0, acceleration)

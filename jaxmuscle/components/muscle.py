@@ -10,6 +10,9 @@ from jaxmuscle.parameters import Scalar, parameter
 
 Value = Float[Array, "..."]
 
+LEAST_RATIO, LEAST_SINE = 0.01, 0.01
+"""Where the thread surface stops to grow: 1 - kε, and the sine of the braid angle [-]."""
+
 
 class McKibben(eqx.Module):
     r"""Ideal cylindrical muscle with constant conic ends.
@@ -40,7 +43,7 @@ class McKibben(eqx.Module):
 
     def swelling(self, length_ratio: Value) -> Value:
         r"""Radius ratio, [T] equation 3: :math:`r/r_0 = \sqrt{1 - \cos^2α_0 (l/l_0)^2}/\sinα_0`."""
-        return jnp.sqrt(self._sine_squared(length_ratio)) / jnp.sin(self.braid_angle)
+        return self._sine(length_ratio) / jnp.sin(self.braid_angle)
 
     def volume(self, contraction: Value) -> Value:
         r"""Plain cylinder, [T] equation 3: :math:`V = π r^2 l`, :math:`l = l_0 (1 - ε)`,
@@ -63,10 +66,15 @@ class McKibben(eqx.Module):
 
         Contraction [m]; surface [m^2].
         """
-        ratio = 1 - self.end_factor * self.strain(contraction)
+        # Kept from zero, where the law has a pole, for slack muscles that are folded up beyond kε = 1.
+        ratio = jnp.maximum(1 - self.end_factor * self.strain(contraction), LEAST_RATIO)
         scale = 2 * jnp.pi * self.initial_radius * self.initial_length * jnp.sin(self.braid_angle)
-        return scale / (ratio * jnp.sqrt(self._sine_squared(ratio)))
+        return scale / (ratio * self._sine(ratio))
 
     def _sine_squared(self, ratio: Value) -> Value:
         """sin² of the braid angle at the given length ratio: 1 - cos²α0 (l/l0)²."""
         return 1 - jnp.cos(self.braid_angle) ** 2 * ratio**2
+
+    def _sine(self, ratio: Value) -> Value:
+        """sin of the braid angle; a little above zero for a muscle longer than its threads."""
+        return jnp.sqrt(jnp.maximum(self._sine_squared(ratio), LEAST_SINE**2))

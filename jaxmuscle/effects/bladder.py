@@ -15,9 +15,10 @@ from jaxmuscle.signals import MUSCLE_FORCE, Signals
 class BladderStiffness(AbstractStaticEffect):
     r"""The rubber bladder resists contraction and takes up part of the pressure.
 
-    .. math:: ΔF = F(ε, P - P_b) - F(ε, P) - K_b\,ε
+    .. math:: ΔF = F(ε, \max(P - P_b, 0)) - F(ε, P) - K_b\,ε = -F(ε, \min(P, P_b)) - K_b\,ε
 
-    The force law is [T] equation 4 with `end_factor`; below the threshold P_b the braid is not yet taut.
+    The force law, in proportion to P, is [T] equation 4 with `end_factor`; below the threshold P_b the braid
+    is not yet taut, and the muscle does not pull. Of a gauge pressure P below zero nothing is taken up.
     """
 
     name: ClassVar = "bladder_stiffness"
@@ -31,8 +32,11 @@ class BladderStiffness(AbstractStaticEffect):
     threshold_pressure: Scalar = parameter("Pa", "pressure taken up by the bladder", default=0.0, typical=2e4)
 
     def value(self, signals: Signals) -> Array:
-        muscle = signals.muscle
-        lost = muscle.force(signals.contraction, self.threshold_pressure, muscle.end_factor)
+        muscle, gauge = signals.muscle, signals.gauge_pressure
+        below = jnp.where(gauge > 0, gauge, 0.0)
+        # Chosen by comparison: at zero threshold and zero pressure each slope is the one-sided one.
+        taken = jnp.where(gauge > self.threshold_pressure, self.threshold_pressure, below)
+        lost = muscle.force(signals.contraction, taken, muscle.end_factor)
         return -lost - self.stiffness * muscle.strain(signals.contraction)
 
 

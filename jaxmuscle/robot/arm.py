@@ -40,6 +40,14 @@ def rod(length: float, mass: float, end_mass: float = 0.0) -> RigidLink:
     return RigidLink(*map(jnp.asarray, (length, whole, centre, inertia)))
 
 
+def solved(mass_matrix: Float[Array, "... 2 2"], right: Joints) -> Joints:
+    """M⁻¹ b of a mass matrix and a vector of two, written out."""
+    m11, m12, m22 = mass_matrix[..., 0, 0], mass_matrix[..., 0, 1], mass_matrix[..., 1, 1]
+    b1, b2 = jnp.moveaxis(right, -1, 0)
+    determinant = m11 * m22 - m12**2
+    return jnp.stack([m22 * b1 - m12 * b2, m11 * b2 - m12 * b1], -1) / determinant[..., None]
+
+
 class Arm(eqx.Module):
     r"""Two links in a plane: :math:`M(q)\,\ddot q + h(q, \dot q) = τ`.
 
@@ -97,11 +105,7 @@ class Arm(eqx.Module):
 
     def acceleration(self, angle: Joints, velocity: Joints, torque: Joints) -> Joints:
         r"""Forward dynamics :math:`\ddot q = M^{-1} (τ - h)` [rad/s^2], the 2 × 2 inverse written out."""
-        matrix = self.mass_matrix(angle)
-        m11, m12, m22 = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
-        t1, t2 = jnp.moveaxis(torque - self.bias(angle, velocity), -1, 0)
-        determinant = m11 * m22 - m12**2
-        return jnp.stack([m22 * t1 - m12 * t2, m11 * t2 - m12 * t1], -1) / determinant[..., None]
+        return solved(self.mass_matrix(angle), torque - self.bias(angle, velocity))
 
     def torque(self, angle: Joints, velocity: Joints, acceleration: Joints) -> Joints:
         r"""Inverse dynamics :math:`τ = M \ddot q + h` [N m]."""

@@ -1,31 +1,34 @@
-"""Dry friction at two joints whose motions are coupled through the mass matrix."""
+"""Dry friction and hard stops at two joints whose motions are coupled through the mass matrix."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.components.contact import Sides, at_stops
 from jaxmuscle.effects.base import force_to_rest
+from jaxmuscle.robot.arm import solved
 
 Pair = Float[Array, "2"]
+Matrix = Float[Array, "2 2"]
 
 
 def coupled_slip(
     driving: Pair,
     velocity: Pair,
     limit: Pair,
-    mass_matrix: Float[Array, "2 2"],
+    mass_matrix: Matrix,
     widening: Array | float | None = None,
+    stops: Sides | None = None,
 ) -> Pair:
     r"""Slip of each joint, from -1 to 1, under dry friction: :func:`slip_of_mass` for two joints.
 
     With :math:`b = F + M v/τ` the friction f is the point of the box :math:`|f_i| ≤ L_i` that is nearest
     to b in the norm of :math:`M^{-1}`. Then each joint either sticks (it comes to rest within τ whatever
     the other one does) or slides with friction at its limit against its motion. Treating the joints one by
-    one would let a sticking joint be dragged along by the acceleration of a sliding one.
-
-    The box has two sides, so the nearest point is found by cases. With :math:`u = M^{-1} (b - f)`, f1 is at
-    the limit whose sign u1 has when f1 is there and f2 is the best for it, and makes u1 zero otherwise.
+    one would let a sticking joint be dragged along by the acceleration of a sliding one. A joint against a
+    stop does not leave it for a push: towards the stop the box has no end, and friction takes of the
+    resistance there what it can.
 
     Args:
         driving: torques F without dry friction, Coriolis terms and weight taken off [N m].
@@ -33,11 +36,57 @@ def coupled_slip(
         limit: L, not negative [N m]; a joint at 0 has the sign of its motion as its slip.
         mass_matrix: M [kg m^2].
         widening: factor of τ, as in :func:`slip_of_mass`.
+        stops: which joints lie against a stop; none when `None`.
     """
     wanted = force_to_rest(driving, mass_matrix @ velocity, widening)
+    resistance, unlimited = _nearest(wanted, _box(limit, stops), mass_matrix)
+    some = limit > 0
+    share = jnp.clip(resistance / jnp.where(some, limit, 1.0), -1.0, 1.0)
+    return jnp.where(some, share, jnp.sign(unlimited))
+
+
+def between_stops(
+    angle: Pair, velocity: Pair, lowest: Array, highest: Array, mass_matrix: Matrix
+) -> tuple[Pair, Pair]:
+    r"""Angles and velocities of two coupled joints after hard inelastic stops have acted.
+
+    The impulses :math:`p` of the stops, towards the inside alone, leave the velocities
+    :math:`v - M^{-1} p` that are nearest to v in the norm of M among those that lead no joint outwards
+    (Moreau's inelastic impact, 1988): the other joint feels the blow.
+    """
+    stops = at_stops(angle, lowest, highest)
+    impulse = _nearest(mass_matrix @ velocity, _box(jnp.zeros(2), stops), mass_matrix)[0]
+    after = velocity - solved(mass_matrix, impulse)
+    within = jnp.where(stops[0], lowest, jnp.where(stops[1], highest, angle))
+    return within, jnp.where(impulse != 0, 0.0, after)
+
+
+def stop_torque(torque: Pair, stops: Sides, mass_matrix: Matrix) -> Pair:
+    r"""Torques r with which stops resist: none, or what keeps :math:`M^{-1} (F - r)` from leading outwards.
+
+    Args:
+        torque: F, all other torques, friction included, Coriolis terms and weight taken off [N m].
+        stops: which joints lie against a stop; the others have r = 0.
+    """
+    return _nearest(torque, _box(jnp.zeros(2), stops), mass_matrix)[0]
+
+
+def _box(limit: Pair, stops: Sides | None) -> tuple[Pair, Pair]:
+    """Lowest and highest resistance: the dry friction's, without an end towards a stop."""
+    if stops is None:
+        return -limit, limit
+    return jnp.where(stops[0], -jnp.inf, -limit), jnp.where(stops[1], jnp.inf, limit)
+
+
+def _nearest(wanted: Pair, box: tuple[Pair, Pair], mass_matrix: Matrix) -> tuple[Pair, Pair]:
+    r"""The point f of a box that is nearest to b in the norm of :math:`M^{-1}`, and that before its limits.
+
+    The box has two sides, so the point is found by cases. With :math:`u = M^{-1} (b - f)`, f1 is at the
+    limit whose sign u1 has when f1 is there and f2 is the best for it, and makes u1 zero otherwise.
+    """
     m11, m12, m22 = mass_matrix[0, 0], mass_matrix[0, 1], mass_matrix[1, 1]
     b1, b2 = wanted[0], wanted[1]
-    l1, l2 = limit[0], limit[1]
+    (low1, low2), (high1, high2) = box
 
     def second(f1: Array) -> Array:
         """Best f2 for a given f1, before it is limited: that for which u2 = 0."""
@@ -45,16 +94,12 @@ def coupled_slip(
 
     def first_motion(f1: Array) -> Array:
         """u1, times the determinant of M."""
-        return m22 * (b1 - f1) - m12 * (b2 - jnp.clip(second(f1), -l2, l2))
+        return m22 * (b1 - f1) - m12 * (b2 - jnp.clip(second(f1), low2, high2))
 
-    forward, backward = first_motion(l1) >= 0, first_motion(-l1) <= 0
+    up, down = jnp.isfinite(high1), jnp.isfinite(low1)
+    forward = up & (first_motion(jnp.where(up, high1, 0.0)) >= 0)
+    backward = down & (first_motion(jnp.where(down, low1, 0.0)) <= 0)
     # Joint 1 sticks: u1 = 0, and joint 2 feels its own inertia alone.
-    sticking = b1 - m12 / m22 * (b2 - jnp.clip(b2, -l2, l2))
-    s1 = jnp.where(forward, 1.0, jnp.where(backward, -1.0, sticking / _divisor(l1)))
-    wanted_2 = second(l1 * s1)
-    s2 = jnp.where(l2 > 0, jnp.clip(wanted_2 / _divisor(l2), -1.0, 1.0), jnp.sign(wanted_2))
-    return jnp.stack([s1, s2])
-
-
-def _divisor(limit: Array) -> Array:
-    return jnp.where(limit > 0, limit, 1.0)
+    sticking = b1 - m12 / m22 * (b2 - jnp.clip(b2, low2, high2))
+    f1 = jnp.where(forward, high1, jnp.where(backward, low1, sticking))
+    return jnp.stack([f1, jnp.clip(second(f1), low2, high2)]), jnp.stack([sticking, second(f1)])

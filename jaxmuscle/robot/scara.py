@@ -12,15 +12,11 @@ from jaxtyping import Array
 from jaxmuscle.actuators.base import Held, State
 from jaxmuscle.actuators.regulated import AbstractMuscleJoints
 from jaxmuscle.components import McKibben, PressureRegulator
-from jaxmuscle.effects.base import (
-    AbstractEffect,
-    States,
-    friction_limit,
-    state_rates,
-)
+from jaxmuscle.components.contact import against, tension
+from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm
-from jaxmuscle.robot.friction import coupled_slip
+from jaxmuscle.robot.friction import between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.kinematics import jacobian, tip
 from jaxmuscle.robot.pane import Pane
 from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
@@ -32,10 +28,12 @@ PULLS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 class Scara(AbstractMuscleJoints):
     r"""Rig `scara`: commands → regulated pressures → muscle forces → joint torques → motion of the arm.
 
-    .. math:: M(q)\,\ddot q + h(q, \dot q) = R\,S F + J^T F_{pane}, \quad x = ε_0 l_0 + R\,S^T q, \quad F ≥ 0
+    .. math:: M(q)\,\ddot q + h(q, \dot q) = R\,S F + J^T F_{pane}, \quad x = ε_0 l_0 + R\,S^T q ≥ 0, \quad F ≥ 0
 
-    [T], robot section; S is :data:`PULLS`. A positive angle shortens the first muscle of its joint. Arrays
-    run over the four muscles (two of joint 1, two of joint 2) or over the two joints.
+    [T], robot section; S is :data:`PULLS`. A positive angle shortens the first muscle of its joint. Each
+    joint ends at ±ε0 l0/R, where a muscle is at its full length; the stop is inelastic and resists with the
+    torque that keeps the joint there whatever the other one does. Arrays run over the four muscles (two of
+    joint 1, two of joint 2) or over the two joints.
     """
 
     rig: ClassVar = "scara"
@@ -68,13 +66,14 @@ class Scara(AbstractMuscleJoints):
         limit = self.sprocket_radius * np.abs(PULLS) @ in_threads + in_bearing
         driving = loose.load - self.arm.bias(loose.position, loose.velocity)
         mass = self.arm.mass_matrix(loose.position)
-        slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening)
+        stops = against(loose.position, loose.velocity, *self._ends)
+        slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops)
         rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torques at the joints."""
-        pulling = signals.having(muscle_force=jnp.maximum(muscle_force, 0.0))
+        pulling = signals.having(muscle_force=tension(muscle_force))
         torque = self.sprocket_radius * PULLS @ pulling.muscle_force
         torque = torque + self.contact_torque(signals.position, signals.velocity)
         return self._with(pulling, LOAD, torque, states)
@@ -89,6 +88,23 @@ class Scara(AbstractMuscleJoints):
         return {
             **self._pressure_rates(state, signals),
             "angle": signals.velocity,
-            "angular_velocity": self.arm.acceleration(signals.position, signals.velocity, signals.load),
+            "angular_velocity": self._acceleration(signals),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
+
+    def _acceleration(self, signals: Signals) -> Array:
+        """Angular accelerations, none into an end that a joint lies against [rad/s^2]."""
+        angle, velocity = signals.position, signals.velocity
+        torque = signals.load - self.arm.bias(angle, velocity)
+        resisting = stop_torque(torque, against(angle, velocity, *self._ends), self.arm.mass_matrix(angle))
+        free = self.arm.acceleration(angle, velocity, signals.load - resisting)
+        # Exactly none: what rounding leaves would lift the joint off its end and let it knock.
+        return jnp.where(resisting != 0, 0.0, free)
+
+    def constrained(self, state: State) -> State:
+        lowest, highest = self._ends
+        within = jnp.clip(state["angle"], lowest, highest)
+        angle, velocity = between_stops(
+            state["angle"], state["angular_velocity"], lowest, highest, self.arm.mass_matrix(within)
+        )
+        return {**state, "angle": angle, "angular_velocity": velocity}

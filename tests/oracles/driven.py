@@ -7,13 +7,16 @@ from oracles.muscle import THRESHOLDS, corrected_force, moved, thread_limit
 
 
 def driven(card, effects, pressure, contraction, velocity):
-    """Force at the samples; dry friction opposes the sign of the velocity and is zero at standstill."""
+    """Force at the samples; dry friction opposes the sign of the velocity and is zero at standstill.
+
+    What would push, a slack muscle, gives no force.
+    """
     strains = contraction / card["initial_length"]
     plays, force = [strains[0]] * len(THRESHOLDS), []
     for p, strain, v in zip(pressure - card["ambient_pressure"], strains, velocity, strict=True):
         plays = moved(plays, strain)
         friction = np.sign(v) * thread_limit(card, effects, strain, p, v)
-        force.append(corrected_force(card, effects, strain, p, plays) - friction)
+        force.append(max(corrected_force(card, effects, strain, p, plays) - friction, 0.0))
     return np.array(force)
 
 

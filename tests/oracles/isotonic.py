@@ -28,25 +28,25 @@ def isotonic(card, effects, command, step, pressure, substeps):
     leak = effects.get("chamber_leak", {}).get("area", 0.0)
     delay = effects.get("command_delay", {}).get("delay", 0.0)
 
-    def loads(p, x, v):
-        """What drives the mass upwards without dry friction, and the limit of the dry friction."""
+    def load(p, x, v, sense):
+        """What accelerates the mass with dry friction at its limit against a motion of the given sense."""
         strain = x / card["initial_length"]
-        driving = corrected_force(card, effects, strain, p - ambient, plays) - mass * GRAVITY - damping * v
-        return driving, guide + thread_limit(card, effects, strain, p - ambient, v)
+        threads = sense * thread_limit(card, effects, strain, p - ambient, v)
+        pull = max(corrected_force(card, effects, strain, p - ambient, plays) - threads, 0.0)
+        return pull - mass * GRAVITY - damping * v - sense * guide
 
     def rates(state, u, sense):
         o, p, x, v = state
         flow = nozzle(card["valve_area"] * max(o, 0.0), card["supply_pressure"], p, temperature)
         flow -= nozzle(card["valve_area"] * max(-o, 0.0) + leak, p, ambient, temperature)
         volume, slope = cylinder(card, x)
-        driving, limit = loads(p, x, v)
         inflow = GAS * temperature * flow
         return np.array(
             [
                 (u / card["full_command"] - o) / card["valve_time_constant"],
                 card["polytropic_exponent"] * (inflow - p * slope * v) / volume,
                 v,
-                (driving - sense * limit) / mass if sense is not None else 0.0,
+                load(p, x, v, sense) / mass if sense is not None else 0.0,
             ]
         )
 
@@ -65,16 +65,16 @@ def isotonic(card, effects, command, step, pressure, substeps):
             late = (row * substeps + sub + 0.5) / substeps - delay / step
             u = command[int(late)] if late >= 0 else 0.0
             _, p, x, v = state
-            driving, limit = loads(p, x, v)
-            sense = 1.0 if v > 0 or (v == 0 and driving > limit) else -1.0
-            if v == 0 and (abs(driving) <= limit or (x == 0 and driving <= limit)):
+            up, down = load(p, x, v, 1.0), load(p, x, v, -1.0)
+            sense = 1.0 if v > 0 or (v == 0 and up > 0) else -1.0
+            if v == 0 and up <= 0 and (down >= 0 or x == 0):
                 sense = None
             before, state = state, after(state, h, u, sense)
             if state[2] < 0:
                 fall = h * x / (x - state[2])
                 landed = after(before, fall, u, sense)
                 state = after(np.array([*landed[:2], 0.0, 0.0]), h - fall, u, None)
-            elif sense is not None and sense * state[3] < 0 and limit > 0:
+            elif sense is not None and sense * state[3] < 0 and down > up:
                 state[3] = 0.0
             plays = moved(plays, state[2] / card["initial_length"])
     return np.array(samples).T

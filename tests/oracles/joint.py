@@ -1,4 +1,7 @@
-"""Rig `joint` on one page: RK4 at fixed small steps, sharp Coulomb friction, muscles that cannot push."""
+"""Rig `joint` on one page: RK4 at fixed small steps, sharp Coulomb friction, muscles that cannot push.
+
+A muscle is not longer than its threads allow: the joint stops dead where one has its full length.
+"""
 
 from math import pi, sin
 
@@ -42,7 +45,7 @@ def joint(card, effects, command, step, pressure, angle, substeps):
         moves = (w, torque(state, plays, sense) / inertia) if sense is not None else (0.0, 0.0)
         return np.concatenate([rate, bend, moves])
 
-    h = step / substeps
+    h, end = step / substeps, card["initial_contraction"] * length / radius
     state = np.array([*pressure, 0.0, 0.0, angle, 0.0])
     plays = [[strain] * len(THRESHOLDS) for strain in strains(angle)]
     samples = []
@@ -55,11 +58,15 @@ def joint(card, effects, command, step, pressure, angle, substeps):
             sense = np.sign(state[5]) or (1.0 if up > 0 else -1.0)
             if state[5] == 0 and up <= 0 <= down:
                 sense = None
+            if (state[4] >= end and up > 0) or (state[4] <= -end and down < 0):
+                sense = None
             k1 = rates(state, u, plays, sense)
             k2 = rates(state + h / 2 * k1, u, plays, sense)
             k3 = rates(state + h / 2 * k2, u, plays, sense)
             state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(state + h * k3, u, plays, sense))
             if sense is not None and sense * state[5] < 0 and down > up:
                 state[5] = 0.0
+            if abs(state[4]) >= end:
+                state[4], state[5] = np.sign(state[4]) * end, 0.0
             plays = [moved(z, strain) for z, strain in zip(plays, strains(state[4]), strict=True)]
     return np.array(samples).T

@@ -40,7 +40,9 @@ def corrected_force(card, effects, strain, gauge, plays):
     if ends := effects.get("pressure_dependent_ends"):
         force = schulte_force(card, strain, gauge, k + ends["amplitude"] * exp(-gauge / BAR))
     if bladder := effects.get("bladder_stiffness"):
-        force -= schulte_force(card, strain, bladder["threshold_pressure"], k)
+        # What the braid feels is max(P - P_b, 0), of a pressure that is not below ambient.
+        felt = max(gauge - bladder["threshold_pressure"], 0.0) if gauge > 0 else gauge
+        force -= schulte_force(card, strain, gauge - felt, k)
         force -= bladder["stiffness"] * strain
     if wall := effects.get("bladder_hoop_stiffness"):
         cosine = cos(card["braid_angle"]) * (1 - k * strain)
