@@ -27,7 +27,7 @@ PLATE = 0.0, math.inf
 class Isotonic(AbstractActuator):
     r"""Rig `isotonic`: command → opening → mass flow → pressure → force → motion of the mass.
 
-    .. math:: \dot p = \frac{n R T \dot m - n p \dot V}{V}, \quad m \ddot x = F - m g, \quad x ≥ 0, \quad F ≥ 0
+    .. math:: \dot p = \frac{n R T \dot m - n p \dot V}{V}, \quad m \ddot x = F - m g, \quad x, F ≥ 0
 
     n: `polytropic_exponent`, 1 for an isothermal chamber. [T] equation 18, [H] 2.29. The base plate at
     x = 0 is unilateral and inelastic: it holds the mass while F < m g and stops it when it falls back. A

@@ -19,7 +19,7 @@ Rig = TypeVar("Rig", bound=type[AbstractActuator])
 RIGS: dict[str, type[AbstractActuator]] = {
     rig.rig: rig for rig in (Isotonic, Driven, Joint, JetPipeActuator, JetPipePiston, Elbow)
 }
-"""Name, as cards use it → class."""
+"""Name, as cards use it → class. `Scara` joins them where :mod:`jaxmuscle.robot` defines it."""
 DECLARED = (
     *("rig", "units", "quantities", "commands", "measured", "derivatives", "imposed", "outputs", "links"),
     *("available", "largest_step"),

@@ -23,8 +23,8 @@ FAR = 1e7
 class LinearModel(eqx.Module):
     r""":math:`\dot x = A x + B u,\ y = C x + D u` about an operating point.
 
-    `states`, `inputs` and `outputs` name the entries of x, u and y. `converged`: whether there is such a point;
-    where there is none, among many at once, all numbers are NaN.
+    `states`, `inputs` and `outputs` name the entries of x, u and y. `converged`: whether there is such a
+    point; where there is none, among many at once, all numbers are NaN.
     """
 
     a: Float[Array, "states states"]

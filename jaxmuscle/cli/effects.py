@@ -9,6 +9,7 @@ from jaxmuscle.cli.shown import output
 
 def effects() -> None:
     """List the effects that a diagnosis tries: name, signal, rigs that offer it, meaning, source."""
+    import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
     from jaxmuscle.actuators import RIGS
     from jaxmuscle.effects import CATALOGUE
     from jaxmuscle.report.words import meaning

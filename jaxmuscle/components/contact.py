@@ -46,9 +46,9 @@ def stopped(
 ) -> tuple[Value, Value]:
     """Position and velocity after hard inelastic stops have acted: none outside, none outwards at a stop."""
     below, above = at_stops(position, lowest, highest)
-    inward = jnp.where(below, jnp.maximum(velocity, 0.0), velocity)
-    inward = jnp.where(above, jnp.minimum(inward, 0.0), inward)
-    return jnp.where(below, lowest, jnp.where(above, highest, position)), inward
+    caught = (below & (velocity <= 0)) | (above & (velocity >= 0))
+    within = jnp.where(below, lowest, jnp.where(above, highest, position))
+    return within, jnp.where(caught, 0.0, velocity)
 
 
 def at_stops(position: Value, lowest: Array | float, highest: Array | float) -> Sides:

@@ -76,5 +76,5 @@ class McKibben(eqx.Module):
         return 1 - jnp.cos(self.braid_angle) ** 2 * ratio**2
 
     def _sine(self, ratio: Value) -> Value:
-        """sin of the braid angle; a little above zero for a muscle longer than its threads."""
+        """Sine of the braid angle; a little above zero for a muscle longer than its threads."""
         return jnp.sqrt(jnp.maximum(self._sine_squared(ratio), LEAST_SINE**2))

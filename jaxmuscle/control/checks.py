@@ -1,4 +1,4 @@
-"""What every controller asks of the numbers that it is given, and how it takes rates from samples."""
+"""What controllers have in common: checks of their numbers, rates from samples, integrals under limits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import dataclasses
 
 import equinox as eqx
 import jax.core
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
 
 from jaxmuscle.errors import InputError
 
@@ -34,3 +35,13 @@ def smoothed(before: Value, now: Value, time_constant: Value, step: float | Valu
     """First-order low pass of samples, implicit: `before` [same unit as `now`] one `step` [s] later."""
     keep = time_constant / (time_constant + step)
     return keep * before + (1 - keep) * now
+
+
+def winds_up(before: Value, after: Value, output: Value, lowest: Value, highest: Value) -> Bool[Array, ""]:
+    """Whether an integral goes the way on which the output is already beyond its limit."""
+    return ((output > highest) & (after > before)) | ((output < lowest) & (after < before))
+
+
+def integrated(before: Value, after: Value, output: Value, lowest: Value, highest: Value) -> Value:
+    """An integral that waits while it winds up (:func:`winds_up`)."""
+    return jnp.where(winds_up(before, after, output, lowest, highest), before, after)

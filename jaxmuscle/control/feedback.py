@@ -33,7 +33,8 @@ class Attached(eqx.Module):
     r"""A controller, the reading that it sees, and what its output does: :math:`c = c_0 + d\,u`, limited.
 
     For :func:`closed_loop`. The controller is one of this package or any with methods ``start()`` → state and
-    ``update(state, wanted, measured, step)`` → (state, output u).
+    ``update(state, wanted, measured, step)`` → (state, output u). One that integrates may have a method
+    ``without_windup(before, after, output, lowest, highest)`` → state, which is told the limits of u.
 
     Attributes:
         reading: name of the reading, an output of the rig such as "angle".
@@ -68,8 +69,21 @@ class Attached(eqx.Module):
             raise InputError(
                 f"Attached: expected one of the rig's readings {', '.join(readings)}; got {self.reading!r}"
             )
-        state, output = self.controller.update(state, wanted, readings[self.reading], step)
-        return state, jnp.clip(self.rest + self.direction * output, self.lowest, self.highest)
+        after, output = self.controller.update(state, wanted, readings[self.reading], step)
+        if hasattr(self.controller, "without_windup"):
+            after = self.controller.without_windup(state, after, output, *self._limits)
+        return after, jnp.clip(self.rest + self.direction * output, self.lowest, self.highest)
+
+    @property
+    def _limits(self) -> tuple[Array, Array]:
+        """Outputs u beyond which no command changes any more."""
+        acts = self.direction != 0
+        divisor = jnp.where(acts, self.direction, 1.0)
+        ends = [(limit - self.rest) / divisor for limit in (self.lowest, self.highest)]
+        # Of a command that the output does not move there is nothing to be said.
+        lower = jnp.where(acts, jnp.minimum(*ends), jnp.inf).min()
+        upper = jnp.where(acts, jnp.maximum(*ends), -jnp.inf).max()
+        return lower, upper
 
 
 def feedback_on(actuator: AbstractActuator, controller: Any, *, mean_pressure: ArrayLike = 2.5e5) -> Attached:

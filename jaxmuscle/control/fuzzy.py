@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxmuscle.control.checks import check_signs, smoothed
+from jaxmuscle.control.checks import check_signs, integrated, smoothed
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
 
@@ -42,7 +42,7 @@ class FuzzyPID(eqx.Module):
     ranges, gains, limits and the shape of the sets are not in its text, nor the table itself, which is here
     the diagonal one that goes by that name. The limit is the mean pressure of [T], beyond which a muscle is
     empty. Unlike that of :class:`SlidingMode` the integral acts at any error, which [T] found to cost the
-    natural compliance.
+    natural compliance; it waits while it drives the command beyond the limit.
     """
 
     error_range: Scalar = parameter("rad", "error ē that is as big as can be", positive=True)
@@ -83,8 +83,16 @@ class FuzzyPID(eqx.Module):
         rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
         answer = self.answer(error, rate)
         integral = jnp.clip(state.integral + self.integral * step * answer, -self.limit, self.limit)
-        command = jnp.clip(self.proportional * answer + integral, -self.limit, self.limit)
-        return Fuzzy(integral, error, rate), command
+        output = self.proportional * answer + integral
+        kept = integrated(state.integral, integral, output, -self.limit, self.limit)
+        return Fuzzy(kept, error, rate), jnp.clip(output, -self.limit, self.limit)
+
+    def without_windup(
+        self, before: Fuzzy, after: Fuzzy, output: Value, lowest: Value, highest: Value
+    ) -> Fuzzy:
+        """The state after a sample whose command has narrower limits than the controller's own."""
+        integral = integrated(before.integral, after.integral, output, lowest, highest)
+        return eqx.tree_at(lambda state: state.integral, after, integral)
 
 
 def _memberships(value: Value) -> Sets:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.control.checks import check_signs
+from jaxmuscle.control.checks import check_signs, integrated, winds_up
 from jaxmuscle.hysteresis import IntegralInverse
 from jaxmuscle.hysteresis.compensator import Inverting
 from jaxmuscle.parameters import Scalar, parameter
@@ -26,6 +27,8 @@ class IntegralInversePID(eqx.Module):
     e = y_d - y is the error of the real output. Rectangles for the integral, a backward difference for the
     rate. Without an `inverse` it is the plain PID. The error before the first sample is taken to be zero:
     one that is not gives a kick of :math:`K_p T_d e / Δt` at that sample.
+
+    In :func:`closed_loop`, whose command is limited, neither integral winds up: :meth:`without_windup`.
     """
 
     inverse: IntegralInverse | None
@@ -56,3 +59,20 @@ class IntegralInversePID(eqx.Module):
             inverting, ahead = self.inverse.update(inverting, reference, step)
         pid = self.proportional * (error + integral / self.integral_time + self.derivative_time * rate)
         return Controlling(inverting, integral, error), ahead + pid
+
+    def without_windup(
+        self, before: Controlling, after: Controlling, output: Scalar, lowest: Scalar, highest: Scalar
+    ) -> Controlling:
+        """The state after a sample whose `output` u is limited to `lowest` … `highest`.
+
+        While u is beyond a limit the integral of the error does not grow further that way, nor does the
+        input u_1 of the inverse while it is itself beyond: conditional integration (Åström and Hägglund,
+        PID Controllers, 2nd ed. 1995, section 3.5).
+        """
+        integral = integrated(before.integral, after.integral, output, lowest, highest)
+        if self.inverse is None:
+            return eqx.tree_at(lambda state: state.integral, after, integral)
+        ahead = before.inverting.value, after.inverting.value
+        wound = winds_up(*ahead, ahead[1], lowest, highest)
+        inverting = jax.tree.map(lambda x, y: jnp.where(wound, x, y), before.inverting, after.inverting)
+        return Controlling(inverting, integral, after.error)

@@ -53,6 +53,12 @@ class ScheduledPID(eqx.Module):
             state, reference, measured, step
         )
 
+    def without_windup(
+        self, before: Controlling, after: Controlling, output: Scalar, lowest: Scalar, highest: Scalar
+    ) -> Controlling:
+        """As :meth:`IntegralInversePID.without_windup`: the integrals are the same in all ranges."""
+        return self._at(jnp.asarray(0)).without_windup(before, after, output, lowest, highest)
+
     def _at(self, place: Array) -> IntegralInversePID:
         """The controller of one range; the integral of the error is shared by all."""
         gains = (self.proportional, self.integral_time, self.derivative_time)

@@ -27,16 +27,18 @@ class PrandtlIshlinskii(AbstractHysteresis):
     r"""Classical model: :math:`z = c + p_0 v + \sum_i p_i F_{r_i}[v]`, [W] (1), with an offset c beside it.
 
     Its loops are symmetric about their centres and alike wherever they lie. Slope of the output on a
-    reversal: p_0; after a long way: :math:`p_0 + \sum p_i`.
+    reversal: p_0; after a long way: :math:`p_0 + \sum p_i`. `origin`: input at which the unused device is
+    [unit of the input], 0 but for an inverse, whose input is the output of what it inverts.
     """
 
     gain: Scalar = parameter("{output}/{input}", "output per input without memory, p0")
     weights: Weights = parameter("{output}/{input}", "weights of the play operators, p_i")
     thresholds: Weights = parameter("{input}", "half-widths of the play operators, r_i", nonnegative=True)
     offset: Scalar = parameter("{output}", "output of the unused device at input 0", default=0.0)
+    origin: Scalar = eqx.field(converter=lambda value: jnp.asarray(value, dtype=float), default=0.0)  # pyright: ignore
 
     def rest(self) -> Weights:
-        return jnp.zeros_like(self.thresholds)
+        return jnp.full_like(self.thresholds, self.origin)
 
     def update(self, memory: Weights, value: Scalar) -> Weights:
         return play(memory, value, self.thresholds)

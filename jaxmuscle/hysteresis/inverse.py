@@ -17,8 +17,9 @@ def inverse(model: PrandtlIshlinskii) -> PrandtlIshlinskii:
     .. math:: q_0 = \frac1{p_0},\quad q_i = \frac1{s_i} - \frac1{s_{i-1}},\quad
               r'_i = p_0 r_i + \sum_{j < i} p_j (r_i - r_j)
 
-    (Krejčí and Kuhnen, IEE Proc. Control Theory Appl. 148, 2001). Both start unused, or with memories that
-    belong together: :func:`inverse_memory`.
+    (Krejčí and Kuhnen, IEE Proc. Control Theory Appl. 148, 2001). Unused, the inverse is at the output of
+    the unused model, which is c at input 0: its `origin`. Used ones start with memories that belong
+    together: :func:`inverse_memory`.
 
     Raises:
         InputError: the thresholds do not increase from 0 on, or some slope is not above zero: then the output
@@ -28,9 +29,8 @@ def inverse(model: PrandtlIshlinskii) -> PrandtlIshlinskii:
     compliances = 1 / slopes
     gaps = jnp.diff(model.thresholds, prepend=0.0)
     thresholds = jnp.cumsum(slopes[:-1] * gaps)
-    return PrandtlIshlinskii(
-        compliances[0], jnp.diff(compliances), thresholds, -model.offset * compliances[-1]
-    )
+    offset, origin = -model.offset * compliances[-1], model.offset + slopes[-1] * model.origin
+    return PrandtlIshlinskii(compliances[0], jnp.diff(compliances), thresholds, offset, origin)
 
 
 def inverse_memory(model: PrandtlIshlinskii, memory: Weights) -> Weights:

@@ -8,6 +8,7 @@ from typing import Any, get_type_hints
 
 import equinox as eqx
 
+import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.recordings.units import column_unit

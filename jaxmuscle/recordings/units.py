@@ -43,6 +43,8 @@ KINDS = {
     "m^2": ("an area", "mm^2"),
     "m^3": ("a volume", "ml"),
     "m/s": ("a velocity", "mm/s"),
+    "m/s^2": ("an acceleration", "m/s^2"),
+    "s/m": ("a damping of a contact", "s/m"),
     "rad/s": ("an angular velocity", "deg/s"),
     "N m": ("a torque", "N m"),
     "kg m^2": ("a moment of inertia", "kg m^2"),

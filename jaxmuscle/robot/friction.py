@@ -83,6 +83,7 @@ def _nearest(wanted: Pair, box: tuple[Pair, Pair], mass_matrix: Matrix) -> tuple
 
     The box has two sides, so the point is found by cases. With :math:`u = M^{-1} (b - f)`, f1 is at the
     limit whose sign u1 has when f1 is there and f2 is the best for it, and makes u1 zero otherwise.
+    A joint at rest that nothing pushes has the slopes of one that rests against its stop, if it has one.
     """
     m11, m12, m22 = mass_matrix[0, 0], mass_matrix[0, 1], mass_matrix[1, 1]
     b1, b2 = wanted[0], wanted[1]
@@ -94,12 +95,20 @@ def _nearest(wanted: Pair, box: tuple[Pair, Pair], mass_matrix: Matrix) -> tuple
 
     def first_motion(f1: Array) -> Array:
         """u1, times the determinant of M."""
-        return m22 * (b1 - f1) - m12 * (b2 - jnp.clip(second(f1), low2, high2))
+        return m22 * (b1 - f1) - m12 * (b2 - _limited(second(f1), low2, high2))
 
     up, down = jnp.isfinite(high1), jnp.isfinite(low1)
-    forward = up & (first_motion(jnp.where(up, high1, 0.0)) >= 0)
-    backward = down & (first_motion(jnp.where(down, low1, 0.0)) <= 0)
+    forwards, backwards = (first_motion(jnp.where(some, f, 0.0)) for some, f in ((up, high1), (down, low1)))
+    forward = up & ((forwards > 0) | ((forwards == 0) & down))
+    backward = down & ((backwards < 0) | ((backwards == 0) & up))
     # Joint 1 sticks: u1 = 0, and joint 2 feels its own inertia alone.
-    sticking = b1 - m12 / m22 * (b2 - jnp.clip(b2, low2, high2))
+    sticking = b1 - m12 / m22 * (b2 - _limited(b2, low2, high2))
     f1 = jnp.where(forward, high1, jnp.where(backward, low1, sticking))
-    return jnp.stack([f1, jnp.clip(second(f1), low2, high2)]), jnp.stack([sticking, second(f1)])
+    return jnp.stack([f1, _limited(second(f1), low2, high2)]), jnp.stack([sticking, second(f1)])
+
+
+def _limited(value: Array, low: Array, high: Array) -> Array:
+    """`value` within limits; on one it has the slope of the limit, but its own where the other is open."""
+    below = (value < low) | ((value == low) & jnp.isfinite(high))
+    above = (value > high) | ((value == high) & jnp.isfinite(low))
+    return jnp.where(below, low, jnp.where(above, high, value))

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.registry import register
 from jaxmuscle.actuators.regulated import AbstractMuscleJoints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.contact import against, tension
@@ -25,10 +26,12 @@ PULLS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 """The sense in which each of the four muscles turns each of the two joints."""
 
 
+@register
 class Scara(AbstractMuscleJoints):
     r"""Rig `scara`: commands → regulated pressures → muscle forces → joint torques → motion of the arm.
 
-    .. math:: M(q)\,\ddot q + h(q, \dot q) = R\,S F + J^T F_{pane}, \quad x = ε_0 l_0 + R\,S^T q ≥ 0, \quad F ≥ 0
+    .. math:: M(q)\,\ddot q + h(q, \dot q) = R\,S F + J^T F_{pane}, \quad x = ε_0 l_0 + R\,S^T q,
+              \quad x, F ≥ 0
 
     [T], robot section; S is :data:`PULLS`. A positive angle shortens the first muscle of its joint. Each
     joint ends at ±ε0 l0/R, where a muscle is at its full length; the stop is inelastic and resists with the
@@ -37,7 +40,24 @@ class Scara(AbstractMuscleJoints):
     """
 
     rig: ClassVar = "scara"
-    quantities: ClassVar = {**AbstractMuscleJoints.quantities, "payload": "arm.payload"}
+    quantities: ClassVar = {
+        **AbstractMuscleJoints.quantities,
+        "first_length": "arm.first.length",
+        "first_mass": "arm.first.mass",
+        "first_centre": "arm.first.centre",
+        "first_inertia": "arm.first.inertia",
+        "second_length": "arm.second.length",
+        "second_mass": "arm.second.mass",
+        "second_centre": "arm.second.centre",
+        "second_inertia": "arm.second.inertia",
+        "payload": "arm.payload",
+        "gravity": "arm.gravity",
+        "pane_stiffness": "pane.stiffness",
+        "pane_damping": "pane.damping",
+        "pane_normal": "pane.normal",
+        "pane_distance": "pane.distance",
+        "pane_width": "pane.width",
+    }
     commands: ClassVar = ("command_1", "command_2", "command_3", "command_4")
     measured: ClassVar = {
         "pressure": ("pressure_1", "pressure_2", "pressure_3", "pressure_4"),
