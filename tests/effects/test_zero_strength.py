@@ -24,10 +24,10 @@ RANDOM = {
     "position": lambda rng: rng.uniform(-1e-3, 0.09),
     "contraction": lambda rng: rng.uniform(0, 0.09),
     "velocity": lambda rng: rng.choice([0.0, rng.normal(0, 0.3)]),
-    "angle": lambda rng: rng.normal(0, 1.0),
+    "angle": lambda rng, *shape: rng.normal(0, 1.0, *shape),
     "temperature": lambda rng, *shape: rng.uniform(270, 310, *shape),
     "plays": lambda rng, *shape: rng.normal(2.0, 1.0, *shape),
-    "angular_velocity": lambda rng: rng.choice([0.0, rng.normal(0, 5.0)]),
+    "angular_velocity": lambda rng, *shape: rng.choice([0.0, 1.0]) * rng.normal(0, 5.0, *shape),
 }
 SIZES = {
     "area": 1e-7,
@@ -40,6 +40,7 @@ SIZES = {
 SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},
     "elbow": {"plays": (10,)},
+    "scara": {"pressure": (4,), "pressure_rate": (4,), "angle": (2,), "angular_velocity": (2,)},
     "jet-pipe": {"pipe": (3,), "pressure": (2,)},
     "jet-pipe-piston": {"pipe": (3,), "pressure": (2,), "temperature": (2,)},
 }
@@ -48,6 +49,7 @@ STATES = {
     "driven": ("pressure", "contraction", "velocity"),
     "joint": ("pressure", "pressure_rate", "angle", "angular_velocity"),
     "elbow": ("pressure", "pressure_rate", "plays"),
+    "scara": ("pressure", "pressure_rate", "angle", "angular_velocity"),
     "jet-pipe": ("current", "pipe", "pressure"),
     "jet-pipe-piston": ("current", "pipe", "pressure", "temperature", "position", "velocity"),
 }
@@ -58,7 +60,9 @@ def drawn(rig, seed):
     rng = np.random.default_rng(seed)
     shapes = SHAPES.get(rig, {})
     state = {name: jnp.asarray(RANDOM[name](rng, *shapes.get(name, ()))) for name in STATES[rig]}
-    table = rng.uniform(-5, 5, (6,)) if rig != "joint" else bench.AMBIENT + rng.uniform(0, 5e5, (6, 2))
+    table = rng.uniform(-5, 5, (6,))
+    if rig in ("joint", "scara"):
+        table = bench.AMBIENT + rng.uniform(0, 5e5, (6, len(bench.BLANKS[rig].commands)))
     if rig == "jet-pipe-piston":
         table = np.stack([table, bench.AMBIENT + rng.uniform(4e5, 6e5, 6)], axis=1)
     return state, jnp.asarray(table), jnp.asarray(rng.normal(0, 0.1, 64))

@@ -18,7 +18,8 @@ from jaxmuscle.components import (
 )
 from jaxmuscle.effects import BY_NAME, CATALOGUE
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
-from jaxmuscle.parameters import replace
+from jaxmuscle.parameters import get, replace
+from jaxmuscle.robot import robot
 from jaxmuscle.simulation import Track, run, start_at_rest
 
 AMBIENT = 101325.0
@@ -29,6 +30,7 @@ STEPS = {
     "elbow": 1e-2,
     "jet-pipe": 2e-3,
     "jet-pipe-piston": 2e-3,
+    "scara": 2e-3,
 }
 MUSCLE = {
     "initial_length": 0.3,
@@ -133,6 +135,8 @@ BLANKS["jet-pipe-piston"] = built(
     built(ChamberGas),
     1,
 )
+BLANKS["scara"] = robot(friction=False)
+CARDS["scara"] = {name: float(get(BLANKS["scara"], path)) for name, path in RIGS["scara"].quantities.items()}
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.105, "velocity_constant": 0.15}
 BLADDER = {"stiffness": 900.0, "threshold_pressure": 3.8e4}
 WALL = {"wall_stiffness": 15.0}

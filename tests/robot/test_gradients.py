@@ -14,7 +14,7 @@ from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.robot import tip
 
 SAMPLES, SUBSTEPS = 60, 1
-ROBOT = machine({**PANE, "arm.payload": 0.5, "arm.gravity": 0.3}).with_effects(
+ROBOT = machine({**PANE, "arm.payload": 0.5, "arm.gravity": 0.3, "initial_contraction": 0.15}).with_effects(
     load_damping=bench.built(LoadDamping, coefficient=0.1)
 )
 PATHS = list(parameters(ROBOT))
