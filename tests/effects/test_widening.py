@@ -14,12 +14,7 @@ from jaxmuscle.effects.base import AbstractFrictionEffect
 from jaxmuscle.signals import Past
 
 DRY = [effect for effect in CATALOGUE if issubclass(effect, AbstractFrictionEffect)]
-PAIRS = [
-    (rig, effect)
-    for rig, blank in bench.BLANKS.items()
-    for effect in DRY
-    if blank.offers(effect)
-]
+PAIRS = [(rig, effect) for rig, blank in bench.BLANKS.items() for effect in DRY if blank.offers(effect)]
 RATES = ("velocity", "angular_velocity")
 PULLED = {
     "pressure": AMBIENT + jnp.array([3e5, 2e5, 1.5e5, 3.2e5]),
