@@ -7,7 +7,7 @@ import dataclasses
 import equinox as eqx
 import jax.core
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxmuscle.errors import InputError
 
@@ -37,11 +37,7 @@ def smoothed(before: Value, now: Value, time_constant: Value, step: float | Valu
     return keep * before + (1 - keep) * now
 
 
-def winds_up(before: Value, after: Value, output: Value, lowest: Value, highest: Value) -> Bool[Array, ""]:
-    """Whether an integral goes the way on which the output is already beyond its limit."""
-    return ((output > highest) & (after > before)) | ((output < lowest) & (after < before))
-
-
 def integrated(before: Value, after: Value, output: Value, lowest: Value, highest: Value) -> Value:
-    """An integral that waits while it winds up (:func:`winds_up`)."""
-    return jnp.where(winds_up(before, after, output, lowest, highest), before, after)
+    """An integral that waits where it would go the way on which the output is already beyond its limit."""
+    waits = ((output > highest) & (after > before)) | ((output < lowest) & (after < before))
+    return jnp.where(waits, before, after)

@@ -79,11 +79,17 @@ class Attached(eqx.Module):
         """Outputs u beyond which no command changes any more."""
         acts = self.direction != 0
         divisor = jnp.where(acts, self.direction, 1.0)
-        ends = [(limit - self.rest) / divisor for limit in (self.lowest, self.highest)]
+        ends = [self._output_at(limit, divisor) for limit in (self.lowest, self.highest)]
         # Of a command that the output does not move there is nothing to be said.
         lower = jnp.where(acts, jnp.minimum(*ends), jnp.inf).min()
         upper = jnp.where(acts, jnp.maximum(*ends), -jnp.inf).max()
         return lower, upper
+
+    def _output_at(self, command: Array, divisor: Array) -> Array:
+        """Outputs that lead to commands, which may be infinite; without a derivative that is none."""
+        some = jnp.isfinite(command)
+        there = (jnp.where(some, command, 0.0) - self.rest) / divisor
+        return jnp.where(some, there, command * jnp.sign(divisor))
 
 
 def feedback_on(actuator: AbstractActuator, controller: Any, *, mean_pressure: ArrayLike = 2.5e5) -> Attached:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.control.checks import check_signs, integrated, winds_up
+from jaxmuscle.control.checks import check_signs, integrated
 from jaxmuscle.hysteresis import IntegralInverse
 from jaxmuscle.hysteresis.compensator import Inverting
 from jaxmuscle.parameters import Scalar, parameter
@@ -65,14 +64,13 @@ class IntegralInversePID(eqx.Module):
     ) -> Controlling:
         """The state after a sample whose `output` u is limited to `lowest` … `highest`.
 
-        While u is beyond a limit the integral of the error does not grow further that way, nor does the
-        input u_1 of the inverse while it is itself beyond: conditional integration (Åström and Hägglund,
-        PID Controllers, 2nd ed. 1995, section 3.5).
+        While u is beyond a limit the integral of the error does not grow further that way: conditional
+        integration (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5). The input u_1 of the
+        inverse, which is that of the device, goes to the limit and no further.
         """
         integral = integrated(before.integral, after.integral, output, lowest, highest)
         if self.inverse is None:
             return eqx.tree_at(lambda state: state.integral, after, integral)
-        ahead = before.inverting.value, after.inverting.value
-        wound = winds_up(*ahead, ahead[1], lowest, highest)
-        inverting = jax.tree.map(lambda x, y: jnp.where(wound, x, y), before.inverting, after.inverting)
+        value = jnp.clip(after.inverting.value, lowest, highest)
+        inverting = Inverting(value, self.inverse.model.update(before.inverting.memory, value))
         return Controlling(inverting, integral, after.error)

@@ -19,7 +19,7 @@ from jaxmuscle.parameters import replace
 from jaxmuscle.robot import robot_joint
 
 MEAN = bench.AMBIENT + 2.5e5
-SHORT = {**bench.CARDS["joint"], "initial_contraction": 0.09}
+SHORT = {**bench.CARDS["joint"], "initial_contraction": 0.07}
 DAMPED = {"load_damping": {"coefficient": 0.1}}
 
 
@@ -50,19 +50,19 @@ def test_a_joint_of_any_range_stays_finite(contraction):
             "angular_velocity": jnp.zeros(900),
         }
         track = bench.Track(jnp.asarray(2e-3), command, measured)
-        return bench.simulate(actuator, track, 1).readings["angle"][-1]
+        return bench.simulate(actuator, track, 1).readings["angle"].sum()
 
     angle, slope = jax.jit(jax.value_and_grad(last))(contraction)
-    assert np.isfinite(angle) and np.isfinite(slope) and float(angle) > 1.5
+    assert np.isfinite(angle) and np.isfinite(slope)
 
 
 def test_joint_with_an_end_equals_the_oracle():
     command = bench.joint_command()
     *_, angle, velocity = joint(SHORT, DAMPED, command, bench.STEPS["joint"], command[0], 0.0, 40)
-    end = 0.09 * 0.3 / 0.015
+    end = 0.07 * 0.3 / 0.015
     assert (np.abs(angle) == end).sum() > 20 and (np.abs(angle) < end).sum() > 200
     assert (angle == end).any() and (angle == -end).any() and np.abs(velocity).max() > 5
-    actuator = replace(bench.model("joint", **DAMPED), {"initial_contraction": 0.09})
+    actuator = replace(bench.model("joint", **DAMPED), {"initial_contraction": 0.07})
     track = bench.joint_track(command)
     # An arrival is seen at the end of a step; what is left shrinks with it (and the oracle's, 40 a sample).
     coarse, fine = (
@@ -72,14 +72,15 @@ def test_joint_with_an_end_equals_the_oracle():
 
 
 def test_start_beyond_the_end_is_at_the_end():
-    angle = turned(robot_joint(0.64), 2e5, 5, angle=3.0)
-    np.testing.assert_allclose(angle, 0.1 * 0.31 / 0.015, rtol=1e-12)
+    angle = turned(robot_joint(0.64), 2e5, 5, angle=5.0)
+    assert np.isfinite(angle).all() and angle[0] == angle.max()
+    np.testing.assert_allclose(angle[0], 0.1 * 0.31 / 0.015, rtol=1e-12)
 
 
 SCENES = {
     "at the end": (2.2e5, 2.2e5, 2.0, 3.0),
     "just inside": (1.6e5, 1.6e5, 2.0, 0.0),
-    "arriving": (1.8e5, 1.8e5, 1.5, 4.0),
+    "arriving": (1.8e5, 1.8e5, 1.5, 8.0),
     "leaving": (2.2e5, -1e5, 2.0, 1.0),
 }
 PATHS = ("muscle.initial_length", "sprocket_radius", "initial_contraction", "muscle.end_factor", "inertia")
@@ -110,7 +111,8 @@ def test_slopes_at_the_end_equal_finite_differences():
     back = jax.jit(jax.vmap(jax.grad(lambda v, t: weights @ angles(v, t)), (None, 0)))(values, tracks)
     found, end = run(values, tracks), float(joint_range(actuator.muscle, 0.015, 0.1))
     at = np.abs(np.asarray(found) - end) < 1e-12
-    assert at[0, 2:].all() and not at[1].any() and at[2].any() and not at[2, :5].any() and not at[3, -1]
+    assert at[0, 20:].all() and not at[1].any() and at[2].any() and not at[2, :5].any()
+    assert at[3].any() and not at[3, -1]
     for j, h in enumerate(1e-7 * values):
         step = np.eye(5)[j] * h
         difference = (run(values + step, tracks) - run(values - step, tracks)) / (2 * h)

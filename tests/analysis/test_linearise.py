@@ -170,3 +170,22 @@ def test_names_are_checked():
         lag(1.0, (2.0, 3.0)).gain("z")
     with pytest.raises(InputError, match="expected an input"):
         lag(1.0, (2.0, 3.0)).gain("y", "w")
+
+
+def test_a_point_that_did_not_converge_is_refused():
+    actuator = bench.model("isotonic")
+    # With its valve shut a gas rests at any pressure.
+    with pytest.raises(InputError, match=r"linearise: expected a machine at rest.*'isotonic'.*another start"):
+        linearise(actuator, equilibrium(actuator, 0.0))
+
+
+def test_among_many_points_the_ones_that_did_not_converge_are_marked():
+    def at(force):
+        point = equilibrium_at(THESIS, "force", force, command=1.0)
+        model = linearise(THESIS, point)
+        return model, model.bandwidth("force")
+
+    model, bandwidth = jax.jit(jax.vmap(at))(np.array([45.0, 400.0]))
+    np.testing.assert_array_equal(model.converged, [True, False])
+    assert np.isfinite(model.a[0]).all() and np.isfinite(bandwidth[0])
+    assert np.isnan(model.a[1]).all() and np.isnan(model.c[1]).all() and np.isnan(bandwidth[1])

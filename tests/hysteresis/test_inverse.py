@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles.bench import built
-from oracles.loops import CLASSICAL, MODIFIED, outputs
+from oracles.loops import CLASSICAL, EXPONENTIAL, MODIFIED, outputs
 from oracles.relays import way
 
 from jaxmuscle.errors import InputError
@@ -13,12 +13,14 @@ from jaxmuscle.hysteresis import (
     IntegralInverse,
     PrandtlIshlinskii,
     elbow_classical,
+    elbow_modified,
     inverse,
     inverse_memory,
     inverted,
     respond,
 )
 
+SHIFTED = built(PrandtlIshlinskii, 0.7, [0.4, 0.2], [0.1, 0.5], -2.0)
 RANDOM = np.cumsum(np.random.default_rng(3).normal(0, 0.3, 500))
 
 
@@ -91,3 +93,40 @@ def test_integral_inverse_follows_the_modified_model_where_there_is_no_analytic_
     inputs = inverted(built(IntegralInverse, MODIFIED, 100.0), targets, 1e-3)
     reached = respond(MODIFIED, inputs)[1]
     np.testing.assert_allclose(reached[399::400], targets[399::400], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "model", [CLASSICAL, EXPONENTIAL.expanded(), SHIFTED], ids=["c", "exponential", "-c"]
+)
+@pytest.mark.parametrize("first", [0.0, 0.03, 1.0, -2.0])
+def test_inverse_is_right_from_rest(model, first):
+    inputs = first + RANDOM
+    _, there = respond(model, inputs)
+    _, again = respond(inverse(model), there)
+    np.testing.assert_allclose(again, inputs, rtol=0, atol=1e-10)
+    # The other way round, and the inverse of the inverse is the model, unused.
+    back = inverse(model)
+    np.testing.assert_allclose(respond(model, respond(back, inputs)[1])[1], inputs, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(inverse(back).rest(), model.rest(), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(back.rest(), inverse_memory(model, model.rest()), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", [elbow_modified(), MODIFIED, SHIFTED], ids=["Table 2", "modified", "-c"])
+def test_integral_inverse_is_right_from_rest(model):
+    # To outputs that the unused model reaches while its input rises.
+    wanted = respond(model, np.linspace(0.0, 1.0, 5))[1]
+    targets = jnp.repeat(wanted, 3000)
+    steepest = float(jnp.abs(jnp.diff(respond(model, np.linspace(0, 1, 2001))[1])).max()) * 2000
+    inputs = inverted(built(IntegralInverse, model, 0.5 / (1e-3 * steepest)), targets, 1e-3)
+    np.testing.assert_allclose(respond(model, inputs)[1][2999::3000], wanted, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(inputs[2999::3000], np.linspace(0.0, 1.0, 5), rtol=0, atol=1e-5)
+
+
+def test_inverse_from_rest_has_the_slopes_of_finite_differences_over_the_offset():
+    def back(offset):
+        model = built(PrandtlIshlinskii, 0.8, CLASSICAL.weights, CLASSICAL.thresholds, offset)
+        return respond(inverse(model), jnp.asarray(RANDOM[:60]))[1]
+
+    slope = jax.jit(jax.jacfwd(back))(jnp.asarray(0.3))
+    difference = (back(0.3 + 1e-6) - back(0.3 - 1e-6)) / 2e-6
+    np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-7)
