@@ -108,3 +108,11 @@ def test_slopes_equal_finite_differences(quantity, strain):
     slope = jax.grad(value)(point) * size
     # The differences' own error is of the order of the squared step and of rounding, 1e-10 both.
     np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-8 * float(jnp.abs(slope).max()))
+
+
+@pytest.mark.parametrize("strain", [1 / 1.303, 0.9, 1.5, -0.06, -0.2])
+def test_thread_surface_is_finite_where_the_law_has_no_meaning(strain):
+    # Folded up beyond kε = 1, and longer than the threads.
+    for of in (MUSCLE.contact_surface, lambda x: MUSCLE.swelling(1 - 1.303 * x / LENGTH)):
+        value, slope = jax.value_and_grad(of)(jnp.asarray(LENGTH * strain))
+        assert np.isfinite(value) and value >= 0 and np.isfinite(slope)

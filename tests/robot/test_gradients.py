@@ -23,7 +23,7 @@ SIZES = np.where(VALUES == 0, 0.1, np.abs(VALUES))
 SCENES = {
     "at rest": held([2.5e5] * 4, [2.5e5] * 4, [0.01, 0.05], SAMPLES),
     "breaking away": held([2.5e5] * 4, [4.5e5, 0.5e5, 1.5e5, 3.5e5], [0.1, 0.3], SAMPLES),
-    "one joint stuck": held([2.5e5] * 4, [3.7e5, 1.3e5, 2.5e5, 2.5e5], [0.0, 0.0], SAMPLES),
+    "one joint stuck": held([2.5e5] * 4, [4.1e5, 0.9e5, 2.5e5, 2.5e5], [0.0, 0.0], SAMPLES),
     "reversing": held([1.5e5, 3.5e5] * 2, [1.5e5, 3.5e5] * 2, [0.2, 0.3], SAMPLES, [2.0, 4.0]),
     "into the pane": held([2.5e5] * 4, [3e5, 2e5, 3e5, 2e5], [0.7, 0.5], SAMPLES, [1.0, -2.0]),
     "slack": held([3e5, 2e5] * 2, [3e5, 2e5] * 2, [2.9, 2.9], SAMPLES, [0.5, 0.5]),

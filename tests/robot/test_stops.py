@@ -103,6 +103,7 @@ def test_rests_at_the_end_of_one_joint():
     assert 0.5 < float(point.readings[5]) < 1.0
 
 
+@pytest.mark.slow
 def test_slopes_at_the_ends_equal_finite_differences():
     actuator = machine({"arm.payload": 0.5}, friction=False)
     scenes = [
