@@ -125,7 +125,7 @@ class Isotonic(AbstractActuator):
             "opening": self.valve.opening_rate(signals.command, state["opening"]),
             "pressure": n * (inflow - signals.pressure * volume_rate) / volume,
             "position": signals.velocity,
-            "velocity": stopped_acceleration(acceleration, signals.position, signals.velocity, *PLATE),
+            "velocity": stopped_acceleration(acceleration, signals.position, *PLATE),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
 

@@ -112,8 +112,6 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
         acceleration = signals.load / self.inertia
         return {
             "angle": signals.velocity,
-            "angular_velocity": stopped_acceleration(
-                acceleration, signals.position, signals.velocity, *self._ends
-            ),
+            "angular_velocity": stopped_acceleration(acceleration, signals.position, *self._ends),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }

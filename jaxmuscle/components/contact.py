@@ -56,14 +56,9 @@ def at_stops(position: Value, lowest: Array | float, highest: Array | float) -> 
     return position <= lowest + NEAR, position >= highest - NEAR
 
 
-def against(position: Value, velocity: Value, lowest: Array | float, highest: Array | float) -> Sides:
-    """Whether something lies against its lower and its upper stop: there, and not on its way back."""
-    return (position <= lowest) & (velocity <= 0), (position >= highest) & (velocity >= 0)
-
-
 def stopped_acceleration(
-    acceleration: Value, position: Value, velocity: Value, lowest: Array | float, highest: Array | float
+    acceleration: Value, position: Value, lowest: Array | float, highest: Array | float
 ) -> Value:
-    """Acceleration between the stops of :func:`stopped`: none into a stop that it lies against."""
-    below, above = against(position, velocity, lowest, highest)
+    """Acceleration between the stops of :func:`stopped`: none into a stop that has been reached."""
+    below, above = at_stops(position, lowest, highest)
     return jnp.where((below & (acceleration < 0)) | (above & (acceleration > 0)), 0.0, acceleration)

@@ -26,7 +26,7 @@ def coupled_slip(
     With :math:`b = F + M v/τ` the friction f is the point of the box :math:`|f_i| ≤ L_i` that is nearest
     to b in the norm of :math:`M^{-1}`. Then each joint either sticks (it comes to rest within τ whatever
     the other one does) or slides with friction at its limit against its motion. Treating the joints one by
-    one would let a sticking joint be dragged along by the acceleration of a sliding one. A joint against a
+    one would let a sticking joint be dragged along by the acceleration of a sliding one. A joint at a
     stop does not leave it for a push: towards the stop the box has no end, and friction takes of the
     resistance there what it can.
 
@@ -36,7 +36,7 @@ def coupled_slip(
         limit: L, not negative [N m]; a joint at 0 has the sign of its motion as its slip.
         mass_matrix: M [kg m^2].
         widening: factor of τ, as in :func:`slip_of_mass`.
-        stops: which joints lie against a stop; none when `None`.
+        stops: which joints are at a stop; none when `None`.
     """
     wanted = force_to_rest(driving, mass_matrix @ velocity, widening)
     resistance, unlimited = _nearest(wanted, _box(limit, stops), mass_matrix)
@@ -66,7 +66,7 @@ def stop_torque(torque: Pair, stops: Sides, mass_matrix: Matrix) -> Pair:
 
     Args:
         torque: F, all other torques, friction included, Coriolis terms and weight taken off [N m].
-        stops: which joints lie against a stop; the others have r = 0.
+        stops: which joints are at a stop; the others have r = 0.
     """
     return _nearest(torque, _box(jnp.zeros(2), stops), mass_matrix)[0]
 

@@ -13,7 +13,7 @@ from jaxmuscle.actuators.base import Held, State
 from jaxmuscle.actuators.registry import register
 from jaxmuscle.actuators.regulated import AbstractMuscleJoints
 from jaxmuscle.components import McKibben, PressureRegulator
-from jaxmuscle.components.contact import against, tension
+from jaxmuscle.components.contact import at_stops, tension
 from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm
@@ -86,7 +86,7 @@ class Scara(AbstractMuscleJoints):
         limit = self.sprocket_radius * np.abs(PULLS) @ in_threads + in_bearing
         driving = loose.load - self.arm.bias(loose.position, loose.velocity)
         mass = self.arm.mass_matrix(loose.position)
-        stops = against(loose.position, loose.velocity, *self._ends)
+        stops = at_stops(loose.position, *self._ends)
         slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops)
         rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
@@ -113,10 +113,10 @@ class Scara(AbstractMuscleJoints):
         }
 
     def _acceleration(self, signals: Signals) -> Array:
-        """Angular accelerations, none into an end that a joint lies against [rad/s^2]."""
+        """Angular accelerations, none into an end that has been reached [rad/s^2]."""
         angle, velocity = signals.position, signals.velocity
         torque = signals.load - self.arm.bias(angle, velocity)
-        resisting = stop_torque(torque, against(angle, velocity, *self._ends), self.arm.mass_matrix(angle))
+        resisting = stop_torque(torque, at_stops(angle, *self._ends), self.arm.mass_matrix(angle))
         free = self.arm.acceleration(angle, velocity, signals.load - resisting)
         # Exactly none: what rounding leaves would lift the joint off its end and let it knock.
         return jnp.where(resisting != 0, 0.0, free)
