@@ -19,6 +19,7 @@ from jaxmuscle.parameters import replace
 from jaxmuscle.robot import robot_joint
 
 MEAN = bench.AMBIENT + 2.5e5
+EVEN = {"pressure": np.full(2, MEAN)}
 SHORT = {**bench.CARDS["joint"], "initial_contraction": 0.07}
 DAMPED = {"load_damping": {"coefficient": 0.1}}
 
@@ -109,7 +110,7 @@ def test_slopes_at_the_end_equal_finite_differences():
     slopes = jax.jit(jax.vmap(jax.jacfwd(angles), (None, 0)))(values, tracks)
     weights = np.random.default_rng(0).normal(size=60)
     back = jax.jit(jax.vmap(jax.grad(lambda v, t: weights @ angles(v, t)), (None, 0)))(values, tracks)
-    found, end = run(values, tracks), float(joint_range(actuator.muscle, 0.015, 0.1))
+    found, end = run(values, tracks), float(joint_range(actuator.muscle, *map(jnp.asarray, (0.015, 0.1))))
     at = np.abs(np.asarray(found) - end) < 1e-12
     assert at[0, 20:].all() and not at[1].any() and at[2].any() and not at[2, :5].any()
     assert at[3].any() and not at[3, -1]
@@ -127,9 +128,9 @@ def test_rests_at_its_end_and_moves_with_it_alone():
 
     def angle(contraction):
         changed = replace(actuator, {"initial_contraction": contraction})
-        return equilibrium(changed, command, start={"pressure": [MEAN, MEAN]}).readings[2]
+        return equilibrium(changed, command, start=EVEN).readings[2]
 
-    point = equilibrium(actuator, command, start={"pressure": [MEAN, MEAN]})
+    point = equilibrium(actuator, command, start=EVEN)
     assert point.converged
     np.testing.assert_allclose(point.readings[2], 0.09 * 0.3 / 0.015, rtol=1e-9)
     np.testing.assert_allclose(jax.grad(angle)(0.09), 0.3 / 0.015, rtol=1e-9)

@@ -25,7 +25,7 @@ def recorded():
     readings = jm.simulate(truth, command, times, start={"pressure": command[0]}).to_frame()
     rng = np.random.default_rng(0)
     noise = {name: 400.0 if "pressure" in name else 4e-4 for name in readings}
-    columns = {name: values + rng.normal(0, noise[name], 500) for name, values in readings.items()}
+    columns = {str(name): np.asarray(v) + rng.normal(0, noise[name], 500) for name, v in readings.items()}
     columns |= {f"command_{i + 1}": command[:, i] for i in range(4)}
     return jm.recording(robot(0.5), columns, STEP, noise=noise, horizon=1.0)
 

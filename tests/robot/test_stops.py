@@ -15,7 +15,9 @@ from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.robot.friction import between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.reference import robot_arm
 
-MASS = np.asarray(robot_arm(0.5).mass_matrix(jnp.array([0.0, 0.7])))
+MATRIX = robot_arm(0.5).mass_matrix(jnp.array([0.0, 0.7]))
+MASS = np.asarray(MATRIX)
+ENDS = jnp.asarray(-2.0), jnp.asarray(2.0)
 END = 0.1 * 0.31 / 0.015
 DRAWS = np.random.default_rng(8).normal(size=(12, 2))
 CORNERS = [([False, False], [True, False]), ([True, False], [False, True]), ([False, True], [True, False])]
@@ -38,14 +40,14 @@ def test_resistance_and_friction_are_the_nearest_point_of_the_box(stops, limit):
     for torque in DRAWS:
         expected = nearest(torque, low, high)
         if limit == (0.0, 0.0):
-            found = np.asarray(stop_torque(jnp.asarray(torque), arrays, MASS))
+            found = np.asarray(stop_torque(jnp.asarray(torque), arrays, MATRIX))
             np.testing.assert_allclose(found, expected, atol=1e-6)
             motion = np.linalg.solve(MASS, torque - found)
             # Complementarity: no motion outwards, no resistance to a joint that moves inwards.
             assert (motion[upper] < 1e-12).all() and (motion[lower] > -1e-12).all()
             assert np.abs(motion * found).max() < 1e-12
         else:
-            slip = coupled_slip(jnp.asarray(torque), jnp.zeros(2), jnp.asarray(limit), MASS, None, arrays)
+            slip = coupled_slip(jnp.asarray(torque), jnp.zeros(2), jnp.asarray(limit), MATRIX, None, arrays)
             np.testing.assert_allclose(slip, np.clip(expected / limit, -1, 1), atol=1e-5)
 
 
@@ -53,7 +55,7 @@ def test_resistance_and_friction_are_the_nearest_point_of_the_box(stops, limit):
 def test_impact_takes_away_the_least_and_keeps_the_momentum_of_the_other_joint(lower, upper):
     angle = np.where(lower, -2.0, np.where(upper, 2.0, 0.3))
     for velocity in DRAWS:
-        at, after = between_stops(*map(jnp.asarray, (angle, velocity)), -2.0, 2.0, jnp.asarray(MASS))
+        at, after = between_stops(jnp.asarray(angle), jnp.asarray(velocity), *ENDS, MATRIX)
         np.testing.assert_array_equal(at, angle)
         low, high = np.where(lower, -np.inf, 0.0), np.where(upper, np.inf, 0.0)
         expected = velocity - np.linalg.solve(MASS, nearest(MASS @ velocity, low, high))
@@ -65,7 +67,7 @@ def test_impact_takes_away_the_least_and_keeps_the_momentum_of_the_other_joint(l
 
 def test_within_the_stops_nothing_happens():
     for velocity in DRAWS:
-        at, after = between_stops(jnp.array([0.4, -1.0]), jnp.asarray(velocity), -2.0, 2.0, jnp.asarray(MASS))
+        at, after = between_stops(jnp.array([0.4, -1.0]), jnp.asarray(velocity), *ENDS, MATRIX)
         np.testing.assert_array_equal(at, [0.4, -1.0])
         np.testing.assert_array_equal(after, velocity)
 
@@ -87,7 +89,9 @@ def test_other_joint_moves_as_if_the_one_at_its_end_were_part_of_the_base():
 def test_robot_ends_where_muscles_are_at_their_full_length(first, second):
     times, mean = np.arange(1000) * 2e-3, bench.AMBIENT + 2.5e5
     command = np.tile(mean + np.array([first, -first, second, -second]), (1000, 1))
-    angle = np.asarray(simulate(machine(), command, times, start={"pressure": [mean] * 4}).readings["angle"])
+    angle = np.asarray(
+        simulate(machine(), command, times, start={"pressure": np.full(4, mean)}).readings["angle"]
+    )
     assert np.isfinite(angle).all() and np.abs(angle).max() <= END * (1 + 1e-12)
     np.testing.assert_allclose(angle[-20:], np.tile([END, np.sign(second) * END], (20, 1)), rtol=1e-12)
 
@@ -97,7 +101,9 @@ def test_rests_at_the_end_of_one_joint():
         load_damping=bench.built(bench.BY_NAME["load_damping"], coefficient=0.4)
     )
     mean = bench.AMBIENT + 2.5e5
-    point = equilibrium(actuator, mean + np.array([2.4e5, -2.4e5, 5e4, -5e4]), start={"pressure": [mean] * 4})
+    point = equilibrium(
+        actuator, mean + np.array([2.4e5, -2.4e5, 5e4, -5e4]), start={"pressure": np.full(4, mean)}
+    )
     assert point.converged
     np.testing.assert_allclose(point.readings[4], END, rtol=1e-9)
     assert 0.5 < float(point.readings[5]) < 1.0
