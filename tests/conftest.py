@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import signal
 from pathlib import Path
 
 import jax
@@ -20,3 +21,11 @@ def _forget_compiled():
     """Compiled programs of a file are of no use to the next one, and all of them together take gigabytes."""
     yield
     jax.clear_caches()
+
+
+@pytest.fixture
+def interrupts():
+    """Ctrl-C as in a terminal: programs in the background ignore it, and so do their child processes."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

@@ -14,6 +14,7 @@ SECONDS = 5.0
 """Far more than the end takes on a busy machine, far less than the compilation that is under way."""
 
 
+@pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
 @pytest.mark.parametrize(
     "wait_for", ["fitting the declared model", pytest.param("trying", marks=pytest.mark.slow)]

@@ -83,6 +83,7 @@ def test_in_another_thread_the_work_is_done_there():
     assert seen == [True]
 
 
+@pytest.mark.usefixtures("interrupts")
 def test_ctrl_c_is_heard_while_the_work_does_not_listen():
     """As XLA does not, which holds the thread that compiles."""
     release, stopped = threading.Event(), []

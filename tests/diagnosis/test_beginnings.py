@@ -43,8 +43,12 @@ def test_the_model_sharpens_what_smoothing_says(lifted):
     prepared, true = lifted
     smoothed = error(prepared.problem, true)
     sharpened = error(begun(prepared, prepared.actuator), true)
-    # On its plate the mass does not move, whatever velocity it begins with.
-    moving = true != 0
+    # On its plate the mass does not move, whatever velocity it begins with, and a landing within a window is
+    # not linear in it.
+    position = prepared.recording.columns["position"]
+    samples = prepared.windows.samples
+    lands = [position[row : row + samples].min() < 3 * NOISE["position"] for row in prepared.windows.rows]
+    moving = (true != 0) & ~np.array(lands)
     assert moving.sum() > 10
     assert np.sqrt(np.mean(sharpened[moving] ** 2)) < 0.5 * np.sqrt(np.mean(smoothed[moving] ** 2))
 

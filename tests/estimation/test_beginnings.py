@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from estimation.made import DAMPING, changed, pulled, within
 from oracles import bench
+from oracles.driven import driven
 from oracles.isotonic import isotonic
-from oracles.recorded import smooth_motion
+from oracles.recorded import NOISE, smooth_motion
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
@@ -66,17 +67,20 @@ def test_a_valve_that_is_open_already(part):
 
 
 def crept(seed=0, name="crept"):
-    """A pulled muscle with creep that began before the recording; exact in plain NumPy."""
-    plain = pulled(seed, name=name)
-    strain = smooth_motion(8.0)[1] / 0.3
-    force = np.zeros(len(strain))
+    """A pulled muscle, never slack, with creep that began before the recording; exact in plain NumPy."""
+    pressure, position, velocity = smooth_motion(8.0)
+    pressure = pressure + 1e5
+    strain = position / 0.3
+    force = driven(bench.CARDS["driven"], {}, pressure, position, velocity)
     for begin, tau in zip(BEGIN, (FAST, SLOW), strict=True):
         z = begin
         for row, (now, then) in enumerate(zip(strain, [*strain[1:], strain[-1]], strict=True)):
             force[row] -= STIFFNESS / 2 * z
             slope, fade = (then - now) / 0.01, np.exp(-0.01 / tau)
             z = then - tau * slope + (z - now + tau * slope) * fade
-    return changed(plain, force=plain.columns["force"] + force)
+    assert force.min() > 0
+    noise = NOISE * np.random.default_rng(seed).normal(size=len(force))
+    return changed(pulled(seed, name=name), pressure=pressure, force=force + noise)
 
 
 @pytest.fixture(scope="module")
