@@ -97,7 +97,8 @@ def _noise(slopes: Slopes, values: Line, counts: Counts, inverse: Matrix | None)
     noise = burg(residual, np.ones(1), counts, range(round(number ** (1 / 3)) + 1))
     followed, part = _followed(slopes, inverse)
     order = len(noise.reflections)
-    for _ in range(ROUNDS if len(part) else 0):
+    # Of residuals that are zero nothing was taken; the two halves of it cancel to rounding only.
+    for _ in range(ROUNDS if len(part) and noise.variance > 0 else 0):
         taken, signs = _taken(noise, followed, part, counts)
         if signs @ (taken**2).sum(axis=1) <= NEGLIGIBLE * number * noise.variance:
             break
