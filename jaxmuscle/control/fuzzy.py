@@ -42,7 +42,8 @@ class FuzzyPID(eqx.Module):
     ranges, gains, limits and the shape of the sets are not in its text, nor the table itself, which is here
     the diagonal one that goes by that name. The limit is the mean pressure of [T], beyond which a muscle is
     empty. Unlike that of :class:`SlidingMode` the integral acts at any error, which [T] found to cost the
-    natural compliance; it waits while it drives the command beyond the limit.
+    natural compliance; it is limited like the command, and under narrower limits of :func:`closed_loop` it
+    waits (:meth:`without_windup`).
     """
 
     error_range: Scalar = parameter("rad", "error ē that is as big as can be", positive=True)
@@ -83,9 +84,8 @@ class FuzzyPID(eqx.Module):
         rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
         answer = self.answer(error, rate)
         integral = jnp.clip(state.integral + self.integral * step * answer, -self.limit, self.limit)
-        output = self.proportional * answer + integral
-        kept = integrated(state.integral, integral, output, -self.limit, self.limit)
-        return Fuzzy(kept, error, rate), jnp.clip(output, -self.limit, self.limit)
+        command = jnp.clip(self.proportional * answer + integral, -self.limit, self.limit)
+        return Fuzzy(integral, error, rate), command
 
     def without_windup(
         self, before: Fuzzy, after: Fuzzy, output: Value, lowest: Value, highest: Value

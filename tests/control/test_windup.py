@@ -57,13 +57,13 @@ def test_integral_waits_beyond_a_limit_and_goes_back_at_once():
     assert float(PID.without_windup(up, down, output, *ONE_BAR).integral) == float(down.integral)
 
 
-def test_fuzzy_integral_waits_at_the_controllers_own_limit():
-    state, command = FUZZY.start(1.0), None
+def test_fuzzy_integral_waits_at_limits_narrower_than_its_own():
+    state = FUZZY.start(1.0)
     for _ in range(300):
-        state, command = FUZZY.update(state, jnp.asarray(1.0), jnp.asarray(0.0), STEP)
-    # The rules give 1.5e5 of 4.5e5, the integral the rest and not more than one sample beyond.
-    assert command is not None and float(command) == 4.5e5
-    assert float(state.integral) < 3e5 + 6e5 * STEP
+        after, output = FUZZY.update(state, jnp.asarray(1.0), jnp.asarray(0.0), STEP)
+        state = FUZZY.without_windup(state, after, output, jnp.asarray(0.0), jnp.asarray(3e5))
+    # The rules give 1.5e5 of 3e5, the integral the rest and not more than one sample beyond.
+    assert 1.4e5 < float(state.integral) < 1.5e5 + 6e5 * STEP
 
 
 def test_input_of_the_inverse_waits_where_the_device_cannot_follow():
