@@ -7,6 +7,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.lax import optimization_barrier
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
@@ -84,7 +85,8 @@ class Scara(AbstractMuscleJoints):
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(4)
         in_bearing = friction_limit(self.effects, LOAD, loose) * jnp.ones(2)
         limit = self.sprocket_radius * np.abs(PULLS) @ in_threads + in_bearing
-        driving = loose.load - self.arm.bias(loose.position, loose.velocity)
+        # A barrier: else XLA computes what leads to a torque once for each of its many uses.
+        driving = optimization_barrier(loose.load - self.arm.bias(loose.position, loose.velocity))
         mass = self.arm.mass_matrix(loose.position)
         stops = at_stops(loose.position, *self._ends)
         slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops)
@@ -115,9 +117,10 @@ class Scara(AbstractMuscleJoints):
     def _acceleration(self, signals: Signals) -> Array:
         """Angular accelerations, none into an end that has been reached [rad/s^2]."""
         angle, velocity = signals.position, signals.velocity
-        torque = signals.load - self.arm.bias(angle, velocity)
+        load = optimization_barrier(signals.load)
+        torque = load - self.arm.bias(angle, velocity)
         resisting = stop_torque(torque, at_stops(angle, *self._ends), self.arm.mass_matrix(angle))
-        free = self.arm.acceleration(angle, velocity, signals.load - resisting)
+        free = self.arm.acceleration(angle, velocity, load - resisting)
         # Exactly none: what rounding leaves would lift the joint off its end and let it knock.
         return jnp.where(resisting != 0, 0.0, free)
 
