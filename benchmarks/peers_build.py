@@ -55,9 +55,9 @@ def caller(function: Any, *given: Any) -> Callable[[], list[np.ndarray]]:
     taken = [np.ascontiguousarray(np.ravel(value, order="F"), dtype=float) for value in given]
     made = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
     for place, value in enumerate(taken):
-        buffer.set_arg(place, memoryview(value))
+        buffer.set_arg(place, value.data)
     for place, value in enumerate(made):
-        buffer.set_res(place, memoryview(value))
+        buffer.set_res(place, value.data)
     shapes = [function.size_out(i) for i in range(function.n_out())]
 
     def call(keep: Any = (buffer, taken)) -> list[np.ndarray]:
