@@ -17,8 +17,8 @@ def interruptible(work: Callable[[], Result], stop: Callable[[], None]) -> Resul
 
     A program of XLA holds the thread that calls it until it ends, up to a minute where it compiles. After a
     `KeyboardInterrupt`, which is raised here at once, `work` goes on to where it next asks whether it is to
-    stop. Python runs handlers of signals in the main thread alone: called from another one, or where there is
-    no Ctrl-C to wait for, `work` is done there. Exceptions of `work` are raised here.
+    stop. Python runs handlers of signals in the main thread alone: called from another one, `work` is
+    done there. Exceptions of `work` are raised here.
 
     Args:
         stop: called after a Ctrl-C; has `work` end soon.

@@ -10,7 +10,7 @@ from typing import Any
 NEEDED_BY = ("0.10.",)
 """Releases of jaxlib that need the options below.
 
-jaxlib 0.12 without any is as fast as 0.10 with them, compiles sooner and takes less than half the memory.
+jaxlib 0.12 without any is as fast as 0.10 with them, and takes less memory.
 Measured on two cores with 0.10.2 with them, 0.10.2 without, 0.12.0.1 without, 0.12.0.1 with them: one run of
 `benchmarks/peers_ours.py` 0.78, 2.67, 0.74, 0.74 ms; its Jacobian 3.4, 22.4, 3.2, 3.2 ms; its gradient 4.4,
 21.4, 4.5, 4.5 ms. First fits of four rigs, with the first, third and fourth: 53, 35, 46 s and 2.7, 1.1,
