@@ -11,7 +11,8 @@ Sides = tuple[Bool[Array, "..."], Bool[Array, "..."]]
 """Whether something is at its lower and at its upper stop."""
 
 NEAR = 1e-12
-"""What is nearer to a stop than this is at it: more than rounding leaves, less than matters [m or rad]."""
+"""What is nearer to a stop than this is at it, and what leaves it slower than this rests there: more than
+rounding leaves, less than matters [m or rad; m/s or rad/s]."""
 
 
 def positive_part(value: Array, width: Array | float) -> Array:
@@ -48,7 +49,7 @@ def stopped(
     """Position and velocity after hard inelastic stops have acted: none outside, none outwards at a stop."""
     below, above = at_stops(position, lowest, highest)
     within = jnp.where(below, lowest, jnp.where(above, highest, position))
-    caught = (below & (velocity <= 0)) | (above & (velocity >= 0))
+    caught = (below & (velocity <= NEAR)) | (above & (velocity >= -NEAR))
     return within, jnp.where(caught, 0.0, velocity)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxmuscle.components.contact import Sides, at_stops
+from jaxmuscle.components.contact import NEAR, Sides, at_stops
 from jaxmuscle.effects.base import force_to_rest
 from jaxmuscle.robot.arm import solved
 
@@ -55,6 +55,8 @@ def between_stops(
     (Moreau's inelastic impact, 1988): the other joint feels the blow.
     """
     stops = at_stops(angle, lowest, highest)
+    # Else a velocity that is nothing but rounding leaves the stop, and no push brings it to rest there.
+    velocity = jnp.where((stops[0] | stops[1]) & (jnp.abs(velocity) < NEAR), 0.0, velocity)
     impulse = _nearest(mass_matrix @ velocity, _box(jnp.zeros(2), stops), mass_matrix)[0]
     after = velocity - solved(mass_matrix, impulse)
     within = jnp.where(stops[0], lowest, jnp.where(stops[1], highest, angle))

@@ -109,6 +109,15 @@ def test_rests_at_the_end_of_one_joint():
     assert 0.5 < float(point.readings[5]) < 1.0
 
 
+@pytest.mark.parametrize("velocity", [[4e-132, -4e-24], [-1e-20, 0.3], [1e-20, -0.3]])
+def test_rounding_does_not_lift_a_joint_off_its_end(velocity):
+    actuator = machine({"arm.payload": 0.5}, friction=False)
+    state = {"angle": jnp.array([END, 0.7]), "angular_velocity": jnp.array(velocity)}
+    rest = actuator.constrained({"pressure": jnp.full(4, 3e5), **state})["angular_velocity"]
+    assert float(rest[0]) == 0.0
+    np.testing.assert_allclose(rest[1], velocity[1], rtol=0, atol=1e-12)
+
+
 @pytest.mark.slow
 def test_slopes_at_the_ends_equal_finite_differences():
     actuator = machine({"arm.payload": 0.5}, friction=False)
