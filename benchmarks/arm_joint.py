@@ -9,9 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators import Held, Link, register
+from jaxmuscle.actuators import Held, StateVariable, register
 from jaxmuscle.actuators.base import State
-from jaxmuscle.actuators.pulled import AbstractOpposedMuscles
+from jaxmuscle.actuators.pulled import AbstractOpposedMuscles, joint_angles
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.parameters import Scalar, parameter
@@ -25,11 +25,10 @@ class ArmJoint(AbstractOpposedMuscles):
     rig: ClassVar = "arm-joint"
     units: ClassVar = {"load": "N m", "motion": "rad"}
     quantities: ClassVar = {**AbstractOpposedMuscles.quantities, "inertia": "inertia"}
-    commands: ClassVar = ()
-    measured: ClassVar = {"pressure": ("pressure_1", "pressure_2"), "angle": ("angle",)}
-    imposed: ClassVar = ("pressure",)
-    outputs: ClassVar = {"angle": ("angle",)}
-    links: ClassVar = (Link("angle", ("pressure",), "load"),)
+    variables: ClassVar = (
+        StateVariable("pressure", "Pa", ("pressure_1", "pressure_2"), rest="ambient_pressure", imposed=True),
+        *joint_angles(("angle",)),
+    )
     available: ClassVar = frozenset(
         "pressure muscle muscle_pair contraction contraction_velocity position velocity angle".split()
     )

@@ -1,16 +1,27 @@
 """What the rest of the package knows about a machine."""
 
 import abc
-import dataclasses
+import inspect
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxmuscle.actuators.listed import LISTED_UNITS, OLDER, listed_variables
+from jaxmuscle.actuators.variables import Column, Link, StateVariable, Variable, class_variables
 from jaxmuscle.effects.base import AbstractEffect, States, addition
 from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import get
 from jaxmuscle.signals import Past, Signals, Slot
+
+
+def _fields(cls: type) -> set[str]:
+    """Names of the fields and properties in the body of a class, before they are made."""
+    properties = {name for name, value in cls.__dict__.items() if isinstance(value, property)}
+    return properties | set(inspect.get_annotations(cls))
+
 
 Machine = TypeVar("Machine", bound="AbstractActuator")
 
@@ -30,47 +41,93 @@ class Held(eqx.Module):
     widening: Array | None = None
 
 
-@dataclasses.dataclass(frozen=True)
-class Link:
-    """One link of the chain: `output` is predicted while the states `imposed` are taken as measured.
-
-    `signal` is the signal of the chain on which the link's residual bears.
-    """
-
-    output: str
-    imposed: tuple[str, ...]
-    signal: str
-
-
 class AbstractActuator(eqx.Module):
     """A machine: states, the chain of signals, what is measured.
 
+    A rig declares its states, commands and readings once, in `variables`; the class variables behind the
+    line follow from them when the class is made. A class that gives those itself, without `variables`, is
+    read as before, with columns of the names in :data:`jaxmuscle.actuators.listed.LISTED_UNITS`.
+
     Class variables:
         rig: the name that cards use.
-        units: units of the command, the load and its motion, for parameters that depend on the rig.
+        variables: commands, states and readings with their units and columns.
+        units: units of the load and its motion, for parameters that depend on the rig; that of the first
+            command joins them.
         quantities: card name → path of the parameter.
+        available: signals that an effect may read here.
+        largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
+        ————
+        columns: column of a recording → its unit.
+        states: state → what is declared of it; rates of measured states too.
         commands: columns of the command, one or one a muscle.
         measured: state → column(s) that measure it.
         derivatives: state → the measured state of which it is the rate.
         imposed: states that the bench imposes; never predicted.
         outputs: reading → column(s), what the model has to predict.
         links: the chain, each link with its measured inputs.
-        available: signals that an effect may read here.
-        largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
+
+    Raises:
+        InputError: when the class is made: `variables` that contradict themselves or name what is not there.
     """
 
     rig: ClassVar[str]
+    variables: ClassVar[tuple[Variable, ...]]
     units: ClassVar[Mapping[str, str]]
     quantities: ClassVar[Mapping[str, str]]
+    available: ClassVar[frozenset[str]]
+    largest_step: ClassVar[float]
+    columns: ClassVar[Mapping[str, Column]] = {}
+    states: ClassVar[Mapping[str, StateVariable]] = {}
     commands: ClassVar[tuple[str, ...]]
     measured: ClassVar[Mapping[str, tuple[str, ...]]]
     derivatives: ClassVar[Mapping[str, str]]
     imposed: ClassVar[tuple[str, ...]]
     outputs: ClassVar[Mapping[str, tuple[str, ...]]]
     links: ClassVar[tuple[Link, ...]]
-    available: ClassVar[frozenset[str]]
-    largest_step: ClassVar[float]
     effects: eqx.AbstractVar[dict[str, AbstractEffect]]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Check what the class declares, and set the class variables that follow from it."""
+        super().__init_subclass__(**kwargs)
+        paths = {name for base in cls.__mro__ for name in _fields(base)}
+        older = sorted(cls.__dict__.keys() & {*OLDER})
+        units = getattr(cls, "units", {})
+        found: dict[str, Any] = {}
+        if hasattr(cls, "variables"):
+            if older:
+                raise InputError(f"{cls.__name__}: {', '.join(older)} follow from variables; change these")
+            if cls.__dict__.keys() & {"variables", "units"}:
+                found = class_variables(cls.__name__, cls.variables, units, paths)
+        elif older and all(hasattr(cls, name) for name in OLDER):
+            found = listed_variables(
+                {name: getattr(cls, name) for name in OLDER}, units.get("command"), paths
+            )
+        for name, value in found.items():
+            setattr(cls, name, value)
+
+    @classmethod
+    def column(cls, name: str) -> Column:
+        """What the rig declares of a column of its recordings.
+
+        Raises:
+            InputError: it declares no unit of that column.
+        """
+        if name not in cls.columns:
+            listed = ", ".join(("command", "time", *LISTED_UNITS))
+            raise InputError(
+                f"column {name!r}: expected one of {listed}, or such with a number: {name}_1; for "
+                f"a column of another kind rig {cls.rig!r} has to declare its `variables`"
+            )
+        return cls.columns[name]
+
+    def at_rest(self, state: str) -> Array:
+        """The value at which a measured state or a rate begins when nothing else is said [SI].
+
+        A number, or one for each of its columns.
+        """
+        rest, columns = self.states[state].rest, self.measured[self.derivatives.get(state, state)]
+        value = get(self, rest) if isinstance(rest, str) else rest
+        return jnp.broadcast_to(jnp.asarray(value, dtype=float), (len(columns),) if len(columns) > 1 else ())
 
     @abc.abstractmethod
     def rest(self, measured: Mapping[str, Array]) -> State:

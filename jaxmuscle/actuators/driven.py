@@ -10,7 +10,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.contact import tension
 from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_velocity, state_rates
@@ -33,12 +34,16 @@ class Driven(AbstractActuator):
         "end_factor": "muscle.end_factor",
         "ambient_pressure": "ambient_pressure",
     }
-    commands: ClassVar = ()
-    measured: ClassVar = {"pressure": ("pressure",), "contraction": ("position",)}
-    derivatives: ClassVar = {"velocity": "contraction"}
-    imposed: ClassVar = ("pressure", "contraction", "velocity")
-    outputs: ClassVar = {"force": ("force",)}
-    links: ClassVar = (Link("force", ("pressure", "contraction", "velocity"), "muscle_force"),)
+    variables: ClassVar = (
+        StateVariable(
+            "pressure", "Pa", ("pressure",), rest="ambient_pressure", imposed=True, check="muscle pressure"
+        ),
+        StateVariable("contraction", "m", ("position",), rate="velocity", imposed=True, check="contraction"),
+        Reading(
+            "force", "N", ("force",), ("pressure", "contraction", "velocity"), "muscle_force",
+            check="muscle force",
+        ),
+    )  # fmt: skip
     available: ClassVar = frozenset("pressure muscle contraction contraction_velocity force".split())
     largest_step: ClassVar = math.inf
 

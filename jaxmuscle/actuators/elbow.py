@@ -9,8 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import Held, Link, State
-from jaxmuscle.actuators.regulated import AbstractRegulated
+from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.regulated import AbstractRegulated, regulated_pressures
+from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import PressureRegulator
 from jaxmuscle.effects.base import AbstractEffect, state_rates
 from jaxmuscle.hysteresis import ModifiedPrandtlIshlinskii
@@ -30,7 +31,7 @@ class Elbow(AbstractRegulated):
     """
 
     rig: ClassVar = "elbow"
-    units: ClassVar = {"command": "Pa", "load": "N m", "motion": "rad", "input": "Pa", "output": "rad"}
+    units: ClassVar = {"load": "N m", "motion": "rad", "input": "Pa", "output": "rad"}
     quantities: ClassVar = {
         "regulator_frequency": "regulator.frequency",
         "regulator_damping": "regulator.damping",
@@ -49,12 +50,11 @@ class Elbow(AbstractRegulated):
         "cubic": "hysteresis.cubic",
         "ambient_pressure": "ambient_pressure",
     }
-    commands: ClassVar = ("command",)
-    measured: ClassVar = {"pressure": ("pressure",)}
-    derivatives: ClassVar = {}
-    imposed: ClassVar = ()
-    outputs: ClassVar = {"pressure": ("pressure",), "angle": ("angle",)}
-    links: ClassVar = (Link("pressure", (), "command"), Link("angle", ("pressure",), "position"))
+    variables: ClassVar = (
+        *regulated_pressures(("command",), ("pressure",)),
+        StateVariable("plays", ""),
+        Reading("angle", "rad", ("angle",), given=("pressure",), signal="position"),
+    )
     available: ClassVar = frozenset("command past pressure".split())
     largest_step: ClassVar = 0.002
 

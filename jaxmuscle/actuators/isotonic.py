@@ -10,7 +10,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.variables import Command, Reading, StateVariable
 from jaxmuscle.components import FlowValve, McKibben
 from jaxmuscle.components.contact import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
@@ -35,7 +36,7 @@ class Isotonic(AbstractActuator):
     """
 
     rig: ClassVar = "isotonic"
-    units: ClassVar = {"command": "V", "load": "N", "motion": "m"}
+    units: ClassVar = {"load": "N", "motion": "m"}
     quantities: ClassVar = {
         "valve_area": "valve.area",
         "valve_time_constant": "valve.time_constant",
@@ -50,14 +51,13 @@ class Isotonic(AbstractActuator):
         "end_factor": "muscle.end_factor",
         "mass": "mass",
     }
-    commands: ClassVar = ("command",)
-    measured: ClassVar = {"pressure": ("pressure",), "position": ("position",)}
-    derivatives: ClassVar = {"velocity": "position"}
-    imposed: ClassVar = ()
-    outputs: ClassVar = {"pressure": ("pressure",), "position": ("position",)}
-    links: ClassVar = (
-        Link("pressure", ("position", "velocity"), "mass_flow"),
-        Link("position", ("pressure",), "load"),
+    variables: ClassVar = (
+        Command("command", "V", check="valve command"),
+        StateVariable("opening", ""),
+        StateVariable("pressure", "Pa", ("pressure",), rest="ambient_pressure", check="muscle pressure"),
+        StateVariable("position", "m", ("position",), rate="velocity", check="lift"),
+        Reading("pressure", given=("position", "velocity"), signal="mass_flow"),
+        Reading("position", given=("pressure",), signal="load"),
     )
     available: ClassVar = frozenset(
         "command past mass_flow pressure muscle contraction contraction_velocity position velocity".split()

@@ -1,25 +1,29 @@
 """What every machine behind a jet-pipe valve has in common: the chain from the command to the tip."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, Link, State
+from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.variables import Reading, StateVariable, Variable
 from jaxmuscle.components import CurrentDriver, JetPipe
 from jaxmuscle.effects.base import States
 from jaxmuscle.parameters import Scalar
 from jaxmuscle.signals import COMMAND, TIP_FORCE, TIP_POSITION, Signals
 
+BEHIND_A_JET_PIPE: tuple[Variable, ...] = (
+    StateVariable("current", "A"),
+    StateVariable("pipe", "m"),
+    StateVariable("pressure", "Pa"),
+    Reading("current", "A", ("current",), signal="command"),
+    Reading("force", "N", ("force",), signal="tip_position"),
+)
+"""States and readings of machines behind a jet-pipe valve."""
+
 
 class AbstractJetPipe(AbstractActuator):
     """Command → current → tip force → tip position; current and force are measured, no state is."""
-
-    measured: ClassVar = {}
-    derivatives: ClassVar = {}
-    imposed: ClassVar = ()
-    outputs: ClassVar = {"current": ("current",), "force": ("force",)}
-    links: ClassVar = (Link("current", (), "command"), Link("force", (), "tip_position"))
 
     driver: eqx.AbstractVar[CurrentDriver]
     pipe: eqx.AbstractVar[JetPipe]

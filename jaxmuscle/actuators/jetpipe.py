@@ -10,7 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
-from jaxmuscle.actuators.jet import AbstractJetPipe
+from jaxmuscle.actuators.jet import BEHIND_A_JET_PIPE, AbstractJetPipe
+from jaxmuscle.actuators.variables import Command
 from jaxmuscle.components import CurrentDriver, Cylinder, JetPipe, Receiver
 from jaxmuscle.effects.base import AbstractEffect, state_rates
 from jaxmuscle.parameters import Scalar, parameter
@@ -30,7 +31,7 @@ class JetPipeActuator(AbstractJetPipe):
     """
 
     rig: ClassVar = "jet-pipe"
-    units: ClassVar = {"command": "V", "load": "N", "motion": "m"}
+    units: ClassVar = {"load": "N", "motion": "m"}
     quantities: ClassVar = {
         "current_gain": "driver.gain",
         "current_offset": "driver.offset",
@@ -57,7 +58,7 @@ class JetPipeActuator(AbstractJetPipe):
         "gas_temperature": "gas_temperature",
         "polytropic_exponent": "polytropic_exponent",
     }
-    commands: ClassVar = ("command",)
+    variables: ClassVar = (Command("command", "V"), *BEHIND_A_JET_PIPE)
     available: ClassVar = frozenset(
         "command past current pipe tip_force tip_position mass_flow chambers force".split()
     )

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
-from jaxmuscle.actuators.jet import AbstractJetPipe
+from jaxmuscle.actuators.jet import BEHIND_A_JET_PIPE, AbstractJetPipe
 from jaxmuscle.actuators.jetpipe import JetPipeActuator
+from jaxmuscle.actuators.variables import Command, StateVariable
 from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, Piston, Receiver
 from jaxmuscle.components.chamber import heat_of
 from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_mass, state_rates
@@ -49,12 +50,19 @@ class JetPipePiston(AbstractJetPipe):
     """
 
     rig: ClassVar = "jet-pipe-piston"
-    units: ClassVar = {"command": "V", "load": "N", "motion": "m"}
+    units: ClassVar = {"load": "N", "motion": "m"}
     quantities: ClassVar = {
         **{name: path for name, path in JetPipeActuator.quantities.items() if name not in LEFT_OUT},
         **ADDED,
     }
-    commands: ClassVar = ("command", "supply_pressure")
+    variables: ClassVar = (
+        Command("command", "V"),
+        Command("supply_pressure", "Pa"),
+        *BEHIND_A_JET_PIPE,
+        StateVariable("temperature", "K"),
+        StateVariable("position", "m"),
+        StateVariable("velocity", "m/s"),
+    )
     available: ClassVar = frozenset(
         "command past current pipe tip_force tip_position mass_flow chambers position velocity force".split()
     )

@@ -8,7 +8,7 @@ import equinox as eqx
 
 from jaxmuscle.actuators.base import Held, State
 from jaxmuscle.actuators.pulled import SIDES, AbstractOpposedMuscles
-from jaxmuscle.actuators.regulated import AbstractMuscleJoints
+from jaxmuscle.actuators.regulated import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.parameters import Scalar, parameter
@@ -28,9 +28,7 @@ class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
 
     rig: ClassVar = "joint"
     quantities: ClassVar = {**AbstractMuscleJoints.quantities, "inertia": "inertia"}
-    commands: ClassVar = ("command_1", "command_2")
-    measured: ClassVar = {"pressure": ("pressure_1", "pressure_2"), "angle": ("angle",)}
-    outputs: ClassVar = {"pressure": ("pressure_1", "pressure_2"), "angle": ("angle",)}
+    variables: ClassVar = muscle_joints(("command_1", "command_2"), ("pressure_1", "pressure_2"), ("angle",))
     available: ClassVar = frozenset(
         "command past pressure muscle muscle_pair contraction contraction_velocity "
         "position velocity angle".split()

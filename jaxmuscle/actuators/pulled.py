@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.variables import Reading, StateVariable, Variable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.antagonist import joint_range
 from jaxmuscle.components.contact import stopped, stopped_acceleration, tension
@@ -18,6 +19,14 @@ from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
 
 SIDES = np.array([1.0, -1.0])
 """The sense in which each of two muscles turns their joint."""
+
+
+def joint_angles(angles: tuple[str, ...]) -> tuple[Variable, ...]:
+    """Variables of joints that muscles turn: the columns of their angles, predicted from the pressures."""
+    return (
+        StateVariable("angle", "rad", angles, rate="angular_velocity", check="joint angle"),
+        Reading("angle", given=("pressure",), signal="load"),
+    )
 
 
 class AbstractPulledJoints(AbstractActuator):
@@ -36,7 +45,6 @@ class AbstractPulledJoints(AbstractActuator):
         "initial_contraction": "initial_contraction",
         "ambient_pressure": "ambient_pressure",
     }
-    derivatives: ClassVar = {"angular_velocity": "angle"}
     largest_step: ClassVar = 0.002
 
     muscle: eqx.AbstractVar[McKibben]

@@ -12,6 +12,7 @@ from jaxmuscle.actuators.isotonic import Isotonic
 from jaxmuscle.actuators.jetpipe import JetPipeActuator
 from jaxmuscle.actuators.jetpipe_piston import JetPipePiston
 from jaxmuscle.actuators.joint import Joint
+from jaxmuscle.actuators.listed import OLDER
 from jaxmuscle.errors import InputError, nearest
 
 Rig = TypeVar("Rig", bound=type[AbstractActuator])
@@ -20,11 +21,8 @@ RIGS: dict[str, type[AbstractActuator]] = {
     rig.rig: rig for rig in (Isotonic, Driven, Joint, JetPipeActuator, JetPipePiston, Elbow)
 }
 """Name, as cards use it → class. `Scara` joins them where :mod:`jaxmuscle.robot` defines it."""
-DECLARED = (
-    *("rig", "units", "quantities", "commands", "measured", "derivatives", "imposed", "outputs", "links"),
-    *("available", "largest_step"),
-)
-"""Class variables that a rig has to have; see :class:`AbstractActuator`."""
+DECLARED = ("rig", "units", "quantities", "available", "largest_step")
+"""Class variables that a rig has to have beside `variables`; see :class:`AbstractActuator`."""
 
 
 def rig_named(name: str) -> type[AbstractActuator]:
@@ -45,7 +43,9 @@ def register(rig: Rig) -> Rig:
     Raises:
         InputError: a class variable is missing, something is still abstract, or the name is taken.
     """
-    if missing := [name for name in DECLARED if not hasattr(rig, name)]:
+    missing = [name for name in DECLARED if not hasattr(rig, name)]
+    missing += [] if all(hasattr(rig, name) for name in OLDER) else ["variables"]
+    if missing:
         raise InputError(f"{rig.__name__}: expected class variables {', '.join(missing)}; they are missing")
     if inspect.isabstract(rig):
         raise InputError(

@@ -7,10 +7,38 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Link, State
-from jaxmuscle.actuators.pulled import AbstractPulledJoints
+from jaxmuscle.actuators.base import AbstractActuator, State
+from jaxmuscle.actuators.pulled import AbstractPulledJoints, joint_angles
+from jaxmuscle.actuators.variables import Command, Reading, StateVariable, Variable
 from jaxmuscle.components import PressureRegulator
 from jaxmuscle.signals import Signals
+
+
+def regulated_pressures(
+    commands: tuple[str, ...], pressures: tuple[str, ...], given: tuple[str, ...] = ()
+) -> tuple[Variable, ...]:
+    """Variables of regulators: columns of their commands and, in the same order, of their pressures.
+
+    Args:
+        given: states that are taken as measured where the pressures are predicted.
+    """
+    check = "regulated pressure"
+    return (
+        *(Command(name, "Pa") for name in commands),
+        StateVariable("pressure", "Pa", pressures, rest="ambient_pressure", check=check),
+        StateVariable("pressure_rate", "Pa/s"),
+        Reading("pressure", given=given, signal="command"),
+    )
+
+
+def muscle_joints(
+    commands: tuple[str, ...], pressures: tuple[str, ...], angles: tuple[str, ...]
+) -> tuple[Variable, ...]:
+    """Variables of joints that muscles with regulators turn: their columns."""
+    return (
+        *regulated_pressures(commands, pressures, given=("angle", "angular_velocity")),
+        *joint_angles(angles),
+    )
 
 
 class AbstractRegulated(AbstractActuator):
@@ -30,17 +58,12 @@ class AbstractRegulated(AbstractActuator):
 class AbstractMuscleJoints(AbstractRegulated, AbstractPulledJoints):
     """Equal muscles on sprockets of one radius; pressures and angles are measured."""
 
-    units: ClassVar = {"command": "Pa", "load": "N m", "motion": "rad"}
+    units: ClassVar = {"load": "N m", "motion": "rad"}
     quantities: ClassVar = {
         "regulator_frequency": "regulator.frequency",
         "regulator_damping": "regulator.damping",
         **AbstractPulledJoints.quantities,
     }
-    imposed: ClassVar = ()
-    links: ClassVar = (
-        Link("pressure", ("angle", "angular_velocity"), "command"),
-        Link("angle", ("pressure",), "load"),
-    )
 
     def rest(self, measured: Mapping[str, Array]) -> State:
         return self.constrained({"pressure_rate": jnp.zeros(len(self.commands)), **measured})

@@ -115,10 +115,8 @@ def _measured(actuator: AbstractActuator, start: Mapping[str, ArrayLike]) -> dic
         raise InputError(f"start: expected some of {sorted(names)}; got {sorted(unknown)}")
     found = {}
     for name in names:
-        columns = actuator.measured[actuator.derivatives.get(name, name)]
-        ambient = getattr(actuator, "ambient_pressure", 0.0) if name == "pressure" else 0.0
-        value = jnp.asarray(start.get(name, ambient), dtype=float)
-        found[name] = jnp.broadcast_to(value, (len(columns),) if len(columns) > 1 else ())[None]
+        rest = actuator.at_rest(name)
+        found[name] = jnp.broadcast_to(jnp.asarray(start.get(name, rest), dtype=float), rest.shape)[None]
     return found
 
 

@@ -26,7 +26,6 @@ from jaxmuscle.diagnosis.unexplained import unexplained
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import Problem
-from jaxmuscle.recordings.units import column_unit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +71,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         before=errors(case, traces.before, traces.held_out),
         after=after,
         noise={column: noise_of(case, column) for column in traces.measured},
-        units={c: column_unit(c, case.actuator.units.get("command", "")) for c in case.recording.columns},
+        units={c: case.actuator.column(c).unit for c in case.recording.columns},
         horizon=case.recording.card.horizon,
         held_out_fraction=float(traces.held_out.mean()),
         unexplained=left,

@@ -11,7 +11,6 @@ from jaxmuscle.diagnosis.beginnings import begun
 from jaxmuscle.diagnosis.result import Error
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.predictions import chain_predictions
-from jaxmuscle.recordings.units import column_unit
 
 Series = NDArray[np.float64]
 
@@ -59,5 +58,5 @@ def _error(case: Case, name: str, predicted: Series, rows: NDArray[np.bool_]) ->
     measured = case.recording.columns[name][rows]
     rmse = float(np.sqrt(np.mean((predicted[rows] - measured) ** 2)))
     spread = float(measured.std())
-    unit = column_unit(name, case.actuator.units.get("command", ""))
+    unit = case.actuator.column(name).unit
     return Error(rmse, unit, rmse / spread if spread else 0.0, rmse / noise_of(case, name))

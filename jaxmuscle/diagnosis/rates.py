@@ -12,9 +12,9 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator, Link
+from jaxmuscle.actuators.variables import rate_unit
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.recordings.smooth import noise_level, smooth
-from jaxmuscle.recordings.units import column_unit
 from jaxmuscle.simulation import Track, held_at, observe
 
 Series = NDArray[np.float64]
@@ -78,7 +78,7 @@ def _of_link(
 ) -> MissingRate:
     columns, step = case.recording.columns, case.recording.step
     names = model.outputs[link.output]
-    unit = column_unit(names[0], model.units.get("command", ""))
+    unit = model.column(names[0]).unit
     values, spread = {}, {}
     if link.output not in model.measured:
         for name, modelled in _by_column(names, readings[link.output]).items():
@@ -93,7 +93,7 @@ def _of_link(
         estimate, own = smooth(columns[name], step, noise_level(columns[name]), order)
         values[name] = estimate - modelled
         spread[name] = np.hypot(own, np.sqrt(_by_column(names, variance[state])[name]))
-    return MissingRate(link, values, spread, f"{unit}/s" if order == 1 else f"{unit}/s^2")
+    return MissingRate(link, values, spread, rate_unit(unit) if order == 1 else rate_unit(rate_unit(unit)))
 
 
 def _by_column(names: tuple[str, ...], values: Array) -> dict[str, Series]:

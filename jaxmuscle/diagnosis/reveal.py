@@ -16,7 +16,6 @@ from jaxmuscle.diagnosis.unknown import dependence, explained, variables
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.parameters import replace
-from jaxmuscle.recordings.units import column_unit
 
 Series = NDArray[np.float64]
 
@@ -54,14 +53,13 @@ def reveal(
     else:
         difference = _difference(old, new, column)
         variable = max(named, key=lambda name: explained(difference, named, (name,), case))
-    base = case.actuator.derivatives.get(variable)
-    source = case.actuator.measured[base][0] if base else variable
-    unit = column_unit(source, case.actuator.units.get("command", ""))
+    rate = variable in case.actuator.derivatives
+    unit = case.actuator.states[variable].unit if rate else case.actuator.column(variable).unit
     return Reveal(
         effect=effect.name if effect else None,
         signal=old.link.signal,
         variable=variable,
-        variable_unit=f"{unit}/s" if base else unit,
+        variable_unit=unit,
         unit=old.unit,
         x=named[variable],
         before=old.values[column],

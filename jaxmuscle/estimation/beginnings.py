@@ -12,11 +12,7 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.names import START, Place, range_of
 from jaxmuscle.parameters import entries_of
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.units import column_unit
 from jaxmuscle.simulation import Track, start_at_rest
-
-UNITS = {"pressure": "Pa", "pressure_rate": "Pa/s", "current": "A", "temperature": "K"}
-"""Units of hidden states by name; of a position or velocity they are the rig's, of any other none is told."""
 
 
 def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, Place]:
@@ -74,15 +70,5 @@ def _numbers(value: object) -> bool:
 
 
 def _unit(actuator: AbstractActuator, name: str) -> str:
-    base = actuator.derivatives.get(name, name)
-    per = "/s" if name in actuator.derivatives else ""
-    if base in actuator.measured:
-        return column_unit(actuator.measured[base][0], actuator.units.get("command")) + per
-    motion = actuator.units.get("motion", "")
-    moving = {
-        "position": motion,
-        "angle": motion,
-        "velocity": f"{motion}/s",
-        "angular_velocity": f"{motion}/s",
-    }
-    return {**UNITS, **moving}.get(name, "")
+    """Unit of a state that the rig declares; none of another, such as an effect's."""
+    return actuator.states[name].unit if name in actuator.states else ""

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import Parameter, entries_of, get, parameters
-from jaxmuscle.recordings.units import column_unit
 
 OFFSET = "offset."
 """Prefix of the constant that a sensor adds to its column: ``offset.position``."""
@@ -75,7 +74,7 @@ def places(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str,
             if own.startswith("effects."):
                 found.setdefault(own.removeprefix("effects."), place)
     for column in columns(actuator):
-        name, unit = OFFSET + column, column_unit(column, actuator.units.get("command"))
+        name, unit = OFFSET + column, actuator.column(column).unit
         size = 0.01 * ranges.get(column, 0.0) or None
         meaning = f"what the sensor of {column} shows too much"
         found[name] = Place(name, name, 0.0, unit, meaning, typical=size)

@@ -21,7 +21,6 @@ from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.fitting.predictions import chain_predictions
 from jaxmuscle.recordings.smooth import noise_level
-from jaxmuscle.recordings.units import column_unit
 
 _chain = eqx.filter_jit(chain_predictions)
 
@@ -107,7 +106,7 @@ def noise_table(
             residual=float(np.sqrt(np.mean(in_si**2))) if len(in_si) else float("nan"),
             ratio=_ratio(line.residual[line.counts], objective.loss),
             autocorrelation_time=sure.times[line.recording, line.column],
-            unit=column_unit(line.column, station.actuator.units.get("command")),
+            unit=station.actuator.column(line.column).unit,
         )
     return found
 

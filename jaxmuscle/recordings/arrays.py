@@ -16,6 +16,7 @@ from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.plausible import check_machine
 from jaxmuscle.recordings.quantity import ColumnSpec, Quantity
 from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.schema import Need
 
 
 def recording(
@@ -71,7 +72,7 @@ def recording(
         )
     if wrong := [row for row in breaks if not 0 < row < rows]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
-    card = _card(actuator, {key: need.unit for key, need in needs.items()}, dict(noise or {}), horizon)
+    card = _card(actuator, needs, dict(noise or {}), horizon)
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
@@ -80,11 +81,13 @@ def recording(
 
 
 def _card(
-    actuator: AbstractActuator, units: Mapping[str, str], noise: dict[str, float], horizon: float | None
+    actuator: AbstractActuator, needs: Mapping[str, Need], noise: dict[str, float], horizon: float | None
 ) -> Card:
     """The card of a machine whose every quantity is known."""
-    against = lambda unit: "absolute" if unit == "Pa" else None  # noqa: E731
-    columns = {key: ColumnSpec(key, unit, against(unit)) for key, unit in {"time": "s", **units}.items()}
+    columns = {
+        key: ColumnSpec(key, need.unit, "absolute" if need.referenced else None)
+        for key, need in {schema.CLOCK.name: Need(schema.CLOCK.unit, "clock"), **needs}.items()
+    }
     known = {}
     for key, need in schema.quantities(type(actuator)).items():
         value = float(get(actuator, actuator.quantities[key]))

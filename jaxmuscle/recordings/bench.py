@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from jaxmuscle.actuators import AbstractActuator
+from jaxmuscle.actuators.variables import Check
 from jaxmuscle.errors import Problems
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
@@ -31,6 +32,10 @@ class Bench:
     problems: Problems
     row: Callable[[int], str]
 
+    def checked(self, check: Check) -> tuple[str, ...]:
+        """The columns that the rig declares to be held to a check."""
+        return tuple(name for name, column in self.rig.columns.items() if column.check == check)
+
     def value(self, name: str) -> float | None:
         """A quantity of the card in SI; `None` when it has none of that name."""
         given = self.card.quantities.get(name)
@@ -42,8 +47,8 @@ class Bench:
 
     def most(self, name: str) -> float:
         """The largest value of a column; of a pressure against the ambient one."""
-        of_pressure = self._si(name) == "Pa"
-        return float(np.nanmax(self.gauge(name) if of_pressure else self.columns[name]))
+        referenced = self.rig.column(name).referenced
+        return float(np.nanmax(self.gauge(name) if referenced else self.columns[name]))
 
     def column(self, name: str) -> str:
         """How a message calls a column."""

@@ -112,7 +112,7 @@ def check_signals(table: Table, card: Card, columns: Mapping[str, Series]) -> No
     needs = schema.columns(rig)
     names = {name: f"column {card.columns[name].column!r} ({name})" for name in columns}
     for name, values in columns.items():
-        if needs[name].unit == "Pa":
+        if needs[name].referenced:
             problem = _impossible_pressure(table, card, name, values, name in rig.commands)
             if problem is not None:
                 problems.add(names[name], problem)

@@ -24,13 +24,11 @@ def sampling_step(times: ArrayLike) -> float:
 def commanded_track(
     actuator: AbstractActuator, command: Array, step: Array, start: Mapping[str, ArrayLike]
 ) -> Track:
-    """The track of a command of shape (samples, *muscles) from `start`, else from an empty muscle at rest.
+    """The track of a command of shape (samples, *muscles) from `start`, else from what the rig rests at.
 
     The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start.
     """
-    ambient = getattr(actuator, "ambient_pressure", 0.0)
-    states = {name: jnp.zeros(_shape(actuator, name)) for name in (*actuator.measured, *actuator.derivatives)}
-    states = {name: value + ambient if "pressure" in name else value for name, value in states.items()}
+    states = {name: actuator.at_rest(name) for name in (*actuator.measured, *actuator.derivatives)}
     known = {path for name, value in states.items() for path in (name, *entries_of(name, value))}
     if unknown := set(start) - known:
         raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
@@ -41,9 +39,3 @@ def commanded_track(
     samples = command.shape[0]
     measured = {name: jnp.broadcast_to(value, (samples, *value.shape)) for name, value in states.items()}
     return Track(step, command, measured)
-
-
-def _shape(actuator: AbstractActuator, state: str) -> tuple[int, ...]:
-    """Shape of a measured state or of a rate: a scalar, or one entry for each of its columns."""
-    columns = actuator.measured[actuator.derivatives.get(state, state)]
-    return (len(columns),) if len(columns) > 1 else ()

@@ -9,9 +9,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from jaxmuscle.actuators import AbstractActuator, Driven, Isotonic
-from jaxmuscle.actuators.pulled import AbstractPulledJoints
-from jaxmuscle.actuators.regulated import AbstractRegulated
+from jaxmuscle.actuators import AbstractActuator
 from jaxmuscle.errors import Problems
 from jaxmuscle.recordings.bench import Bench
 from jaxmuscle.recordings.card import Card
@@ -40,7 +38,7 @@ def check_machine(
 
     Args:
         file: begins the message.
-        rig: class of the machine; only what the package knows of it is checked.
+        rig: class of the machine; its columns are held to what they are declared to be checked for.
         columns: quantity → samples in SI, pressures absolute; NaN where there is no reading.
         step: sampling step [s].
         row: how the user calls the sample at an index.
@@ -48,36 +46,47 @@ def check_machine(
     bench = Bench(rig, card, columns, step, Problems(file), row)
     muscle = MuscleLimits.of(card)
     _check_clock(bench)
-    if issubclass(rig, AbstractRegulated):
+    if bench.checked("regulated pressure"):
         check_regulators(bench)
-    if muscle is not None and issubclass(rig, AbstractPulledJoints):
-        check_angles(bench, muscle)
-    if muscle is not None and issubclass(rig, Driven):
-        check_contraction(bench, muscle)
-        bench.problems.check()
-        check_pull(bench, muscle)
-    if muscle is not None and issubclass(rig, Isotonic):
+    if bench.checked("valve command"):
         _check_command(bench)
-        check_contraction(bench, muscle)
-        bench.problems.check()
+    if muscle is not None:
+        _check_muscle(bench, muscle)
+    bench.problems.check()
+
+
+def _check_muscle(bench: Bench, muscle: MuscleLimits) -> None:
+    """What moves goes no further than the muscle of the card, and what pulls is its pressure."""
+    if bench.checked("joint angle"):
+        check_angles(bench, muscle)
+    moved = bench.checked("contraction") or bench.checked("lift")
+    if not moved:
+        return
+    check_contraction(bench, muscle)
+    bench.problems.check()
+    if not bench.checked("muscle pressure"):
+        return
+    if bench.checked("contraction") and bench.checked("muscle force"):
+        check_pull(bench, muscle)
+    if bench.checked("lift"):
         weight = STANDARD_GRAVITY * (bench.value("mass") or 0.0)
         check_lifting(bench, muscle, weight)
         check_rise(bench, muscle, weight)
-    bench.problems.check()
 
 
 def _check_command(bench: Bench) -> None:
     """A command is of the size of the one that opens the valve fully."""
-    full, most = abs(bench.value("full_command") or 0.0), float(np.nanmax(np.abs(bench.columns["command"])))
+    (command,) = bench.checked("valve command")
+    full, most = abs(bench.value("full_command") or 0.0), float(np.nanmax(np.abs(bench.columns[command])))
     above, below = COMMAND
     if 0 in (full, most) or full / below < most < above * full:
         return
     alike = lambda x: 0.1 * full < x < 2 * full  # noqa: E731
     bench.add(
-        "command",
-        f"at most {bench.shown('command', most)}, but full_command, at which the valve is open, is "
-        f"{bench.shown('command', full)}",
-        bench.units_of_column("command", most, alike),
+        command,
+        f"at most {bench.shown(command, most)}, but full_command, at which the valve is open, is "
+        f"{bench.shown(command, full)}",
+        bench.units_of_column(command, most, alike),
         bench.units_of_quantity("full_command", lambda x: 0.5 * most < x < 10 * most),
     )
 

@@ -26,21 +26,20 @@ ALIKE = 0.8
 
 def check_lifting(bench: Bench, muscle: MuscleLimits, weight: float) -> None:
     """A mass that rose was lifted by the measured pressure, which comes from the supply."""
-    supply, most = bench.value(SUPPLY), bench.most("pressure")
+    (pressure,), (rise,) = bench.checked("muscle pressure"), bench.checked("lift")
+    supply, most = bench.value(SUPPLY), bench.most(pressure)
     if supply is None:
         return
     per_pascal, supplied = float(muscle.force(0.0, 1.0)), supply - bench.card.ambient_pressure
-    pull, rose = per_pascal * most, bench.most("position") > muscle.offset
+    pull, rose = per_pascal * most, bench.most(rise) > muscle.offset
     enough = 1.0 if supplied > FACTOR * most else CANNOT_LIFT
     weak = rose and enough * pull < weight
     if not weak and supplied < LITTLE_OF_SUPPLY * most:
         return
     lifts = lambda p: supplied / FACTOR < p < 1.05 * supplied and per_pascal * p > weight  # noqa: E731
     of_supply = lambda p: most < p - bench.card.ambient_pressure < FACTOR * most  # noqa: E731
-    message = (
-        f"at most {bench.shown('pressure', most)} gauge, of a supply of {bench.shown('pressure', supplied)}"
-    )
-    likely = [bench.units_of_column("pressure", most, lifts)]
+    message = f"at most {bench.shown(pressure, most)} gauge, of a supply of {bench.shown(pressure, supplied)}"
+    likely = [bench.units_of_column(pressure, most, lifts)]
     if weak:
         mass = bench.value("mass") or 0.0
         message += (
@@ -51,19 +50,21 @@ def check_lifting(bench: Bench, muscle: MuscleLimits, weight: float) -> None:
         likely += [bench.units_of_quantity("mass", light), bench.units_of_quantity("initial_radius", wide)]
     else:
         likely += [bench.units_of_quantity(SUPPLY, of_supply)]
-    bench.add("pressure", message, *likely)
+    bench.add(pressure, message, *likely)
 
 
 def check_pull(bench: Bench, muscle: MuscleLimits) -> None:
     """Where a muscle is filled and emptied, the force follows the pressure about as [T] has it."""
-    pressure, most = bench.gauge("pressure"), bench.most("pressure")
+    names = (bench.checked(check) for check in ("muscle pressure", "contraction", "muscle force"))
+    (of_pressure,), (of_contraction,), (of_force,) = names
+    pressure, most = bench.gauge(of_pressure), bench.most(of_pressure)
     if most > LARGEST:
-        usual = bench.units_of_column("pressure", most, lambda p: LEAST < p < LARGEST / FACTOR)
-        bench.add("pressure", f"{bench.shown('pressure', most)} gauge is beyond any muscle", usual)
+        usual = bench.units_of_column(of_pressure, most, lambda p: LEAST < p < LARGEST / FACTOR)
+        bench.add(of_pressure, f"{bench.shown(of_pressure, most)} gauge is beyond any muscle", usual)
         return
     if most - float(np.nanmin(pressure)) < max(0.5 * most, MOVES):
         return  # A passive muscle may be stretched.
-    ideal, force = np.asarray(muscle.force(bench.columns["position"], pressure)), bench.columns["force"]
+    ideal, force = np.asarray(muscle.force(bench.columns[of_contraction], pressure)), bench.columns[of_force]
     there = np.isfinite(ideal) & np.isfinite(force)
     spread = float(np.std(ideal[there])), float(np.std(force[there]))
     if min(spread) == 0:
@@ -73,24 +74,22 @@ def check_pull(bench: Bench, muscle: MuscleLimits) -> None:
         message = (
             "falls where the muscle is filled and shortened as if it pushed; expected tension as positive"
         )
-        bench.add("force", message, "of the opposite sign")
+        bench.add(of_force, message, "of the opposite sign")
     elif alike > ALIKE and not 1 / FACTOR < ratio < FACTOR:
         near = lambda x: 1 / 3 < ratio * x < 3  # noqa: E731
         bench.add(
-            "force",
+            of_force,
             f"changes {ratio:.3g} times as much as that of an ideal muscle at the pressures of "
-            f"{bench.column('pressure')}, which go up to {bench.shown('pressure', most)} gauge",
-            bench.units_of_column("force", 1.0, near),
-            bench.units_of_column("pressure", most, lambda p: near(most / p) and LEAST < p < LARGEST),
+            f"{bench.column(of_pressure)}, which go up to {bench.shown(of_pressure, most)} gauge",
+            bench.units_of_column(of_force, 1.0, near),
+            bench.units_of_column(of_pressure, most, lambda p: near(most / p) and LEAST < p < LARGEST),
             bench.units_of_quantity("initial_radius", lambda r: near((muscle.initial_radius / r) ** 2)),
         )
 
 
 def check_regulators(bench: Bench) -> None:
     """Each pressure is about what its regulator is asked for, and some pressure moves a muscle."""
-    pairs = list(zip(bench.rig.commands, bench.rig.measured.get("pressure", ()), strict=False))
-    if not pairs:
-        return
+    pairs = list(zip(bench.rig.commands, bench.checked("regulated pressure"), strict=False))
     asked, largest = (max((bench.most(pair[i]), pair[i]) for pair in pairs) for i in (0, 1))
     if not LEAST <= max(asked[0], largest[0]) <= LARGEST:
         most, name = largest

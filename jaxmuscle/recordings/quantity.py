@@ -125,7 +125,8 @@ def _reference(table: Mapping[str, Any], need: Need) -> str | None:
         got = "none is given" if reference is None else f"got {reference!r}"
         raise InputError(f'expected reference = "gauge" or reference = "absolute" for a pressure; {got}')
     if not need.referenced and reference is not None:
-        why = "it is always absolute" if need.unit == "Pa" else "only pressures have one"
+        why = "it is a difference" if need.difference else "only pressures have one"
+        why = "it is always absolute" if need.unit == "Pa" and not need.difference else why
         raise InputError(f"takes no reference, {why}; remove reference = {reference!r}")
     return reference
 

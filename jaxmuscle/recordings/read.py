@@ -76,7 +76,8 @@ def _si_columns(table: Table, card: Card) -> dict[str, Series]:
     for name, spec in card.columns.items():
         with problems.at(f"column {spec.column!r} ({name})"):
             shift = card.ambient_pressure if spec.reference == "gauge" else 0.0
-            columns[name] = to_si(table.numbers(spec.column), spec.unit, needs[name].unit) + shift
+            values = to_si(table.numbers(spec.column), spec.unit, needs[name].unit, needs[name].difference)
+            columns[name] = values + shift
     problems.check()
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:

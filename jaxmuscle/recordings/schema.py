@@ -10,11 +10,14 @@ import equinox as eqx
 
 import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.variables import Column
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.recordings.units import column_unit
 
 AMBIENT = "ambient_pressure"
 """The quantity to which gauge pressures are relative; itself always absolute."""
+
+CLOCK = Column("time", "s")
+"""The column that every table has."""
 
 Rig = type[AbstractActuator]
 
@@ -29,6 +32,7 @@ class Need:
         positive: whether it has to be above zero.
         required: whether the card has to give it.
         referenced: whether it is a pressure against vacuum or ambient, which the card has to say.
+        difference: whether it is a difference, of which a unit's offset is no part (degC).
     """
 
     unit: str
@@ -36,6 +40,7 @@ class Need:
     positive: bool = False
     required: bool = True
     referenced: bool = False
+    difference: bool = False
 
 
 def quantities(rig: Rig) -> dict[str, Need]:
@@ -54,10 +59,19 @@ def effect_parameters(effect: type[AbstractEffect], rig: Rig) -> dict[str, Need]
 
 def columns(rig: Rig) -> dict[str, Need]:
     """The quantities that a table for a rig has to hold: time, commands, everything measured."""
-    groups = (("time",), rig.commands, *rig.measured.values(), *rig.outputs.values())
+    groups = ((CLOCK.name,), rig.commands, *rig.measured.values(), *rig.outputs.values())
     names = dict.fromkeys(name for group in groups for name in group)
-    units = {name: column_unit(name, rig.units.get("command")) for name in names}
-    return {name: Need(unit, f"samples of {name}", referenced=unit == "Pa") for name, unit in units.items()}
+    return {name: _column(rig, name) for name in names}
+
+
+def _column(rig: Rig, name: str) -> Need:
+    column = CLOCK if name == CLOCK.name else rig.column(name)
+    return Need(
+        column.unit,
+        f"samples of {name}",
+        referenced=column.referenced,
+        difference=column.difference,
+    )
 
 
 def imposed_columns(rig: Rig) -> tuple[str, ...]:

@@ -18,17 +18,6 @@ REGISTRY.define("newton_meter = newton * meter = Nm")
 STANDARD_ATMOSPHERE = 101325.0
 """Ambient pressure when a card gives none [Pa]."""
 
-COLUMN_UNITS = {
-    "time": "s",
-    "pressure": "Pa",
-    "supply_pressure": "Pa",
-    "position": "m",
-    "angle": "rad",
-    "force": "N",
-    "current": "A",
-}
-"""SI unit of a measured quantity; a number that tells muscles apart ("pressure_1") is left out."""
-
 KINDS = {
     "Pa": ("a pressure", "bar"),
     "m": ("a length", "mm"),
@@ -37,6 +26,7 @@ KINDS = {
     "N": ("a force", "N"),
     "kg": ("a mass", "kg"),
     "K": ("a temperature", "degC"),
+    "K/s": ("a rate of a temperature", "K/s"),
     "Hz": ("a frequency", "Hz"),
     "V": ("a voltage", "V"),
     "A": ("a current", "mA"),
@@ -47,6 +37,10 @@ KINDS = {
     "s/m": ("a damping of a contact", "s/m"),
     "rad/s": ("an angular velocity", "deg/s"),
     "N m": ("a torque", "N m"),
+    "kg/s": ("a mass flow", "g/s"),
+    "m^3/s": ("a volume flow", "L/min"),
+    "W": ("a power", "W"),
+    "J": ("an energy", "J"),
     "kg m^2": ("a moment of inertia", "kg m^2"),
     "N s/m": ("a damping", "N s/m"),
     "N m s/rad": ("a damping", "N m s/rad"),
@@ -61,8 +55,7 @@ KINDS = {
 COMMON = (
     *"Pa hPa kPa MPa mbar bar psi atm m cm mm um inch s ms us min rad deg N kN lbf V mV A mA kg g".split(),
     *"K degC degF Hz kHz m^2 cm^2 mm^2 m/s mm/s".split(),
-    "N m",
-    "kg m^2",
+    *("N m", "kg m^2", "kg/s", "g/s", "L/min", "W", "J"),
 )
 """Units that are suggested in place of one that does not exist."""
 
@@ -81,29 +74,18 @@ Series = NDArray[np.float64]
 Value = TypeVar("Value", float, Series)
 
 
-def column_unit(quantity: str, command_unit: str | None) -> str:
-    """SI unit of a column of a recording; `command_unit` is that of the rig's command.
-
-    Raises:
-        InputError: a rig has a column of another kind.
-    """
-    stem = quantity.rstrip("0123456789").removesuffix("_")
-    if stem == "command" and command_unit:
-        return command_unit
-    if stem not in COLUMN_UNITS:
-        kinds = ", ".join(("command", *COLUMN_UNITS))
-        raise InputError(f"column {quantity!r}: expected one of {kinds}, or such with a number: {stem}_1")
-    return COLUMN_UNITS[stem]
-
-
-def to_si(value: Value, unit: str, si: str) -> Value:
+def to_si(value: Value, unit: str, si: str, difference: bool = False) -> Value:
     """A value or an array of values in `unit` as SI; offset units (degC) are points on their scale.
+
+    Args:
+        difference: whether it is a difference of such points: 1 degC is 1 K then.
 
     Raises:
         InputError: `unit` does not exist, or measures something else than `si` does.
     """
     check_unit(unit, si)
-    return _plain(REGISTRY.Quantity(value, unit).to(si).magnitude)
+    magnitude = value * scale(unit, si) if difference else REGISTRY.Quantity(value, unit).to(si).magnitude
+    return _plain(magnitude)
 
 
 def from_si(value: float, unit: str, si: str) -> float:

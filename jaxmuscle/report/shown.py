@@ -12,7 +12,7 @@ from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.quantity import Quantity
-from jaxmuscle.recordings.units import from_si, scale
+from jaxmuscle.recordings.units import from_si, scale, to_si
 
 EFFECTS = "effects."
 """Prefix of the name of a parameter that belongs to an effect."""
@@ -40,7 +40,8 @@ def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
     """How a column of the recording is printed: in the unit and reference of its card."""
     card, si = diagnosis.recording.card, diagnosis.units[column]
     spec = card.columns[column]
-    shift = card.ambient_pressure if spec.reference == "gauge" else 0.0
+    shift = to_si(0.0, spec.unit, si, diagnosis.model.column(column).difference)
+    shift += card.ambient_pressure if spec.reference == "gauge" else 0.0
     return ShownColumn(column, formatting.pretty(spec.unit), scale(spec.unit, si), shift)
 
 

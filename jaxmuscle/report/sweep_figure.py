@@ -49,7 +49,7 @@ def draw_sweep(sweep: xr.Dataset, written: Written, file: Path) -> None:
 def _draw(axes: Axes, values: xr.DataArray, written: Written) -> None:
     finite = values.values[np.isfinite(values.values)]
     size, unit = printed_unit(values.attrs["units"], float(np.abs(finite).max()) if len(finite) else 1.0)
-    absolute = " absolute" if values.attrs["units"] == "Pa" and not str(values.name).endswith("_span") else ""
+    absolute = " absolute" if values.attrs.get("reference") == "absolute" else ""
     label = str(values.name).replace("_", " ") + (f" [{unit}{absolute}]" if unit else "")
     dims = [str(dim) for dim in values.dims if values.sizes[dim] > 1]
     along = TIME if TIME in dims else dims[0] if dims else str(values.dims[0])

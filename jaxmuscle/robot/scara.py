@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
 from jaxmuscle.actuators.registry import register
-from jaxmuscle.actuators.regulated import AbstractMuscleJoints
+from jaxmuscle.actuators.regulated import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.contact import at_stops, tension
 from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, state_rates
@@ -59,12 +59,11 @@ class Scara(AbstractMuscleJoints):
         "pane_distance": "pane.distance",
         "pane_width": "pane.width",
     }
-    commands: ClassVar = ("command_1", "command_2", "command_3", "command_4")
-    measured: ClassVar = {
-        "pressure": ("pressure_1", "pressure_2", "pressure_3", "pressure_4"),
-        "angle": ("angle_1", "angle_2"),
-    }
-    outputs: ClassVar = measured
+    variables: ClassVar = muscle_joints(
+        ("command_1", "command_2", "command_3", "command_4"),
+        ("pressure_1", "pressure_2", "pressure_3", "pressure_4"),
+        ("angle_1", "angle_2"),
+    )
     available: ClassVar = frozenset(
         "command past pressure muscle contraction contraction_velocity position velocity".split()
     )

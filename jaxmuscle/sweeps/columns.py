@@ -10,8 +10,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from jaxmuscle import actuators
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.recordings.units import column_unit
 from jaxmuscle.sweeps.bench import Bench, Trajectory
 from jaxmuscle.sweeps.job import FAILED, Variable
 from jaxmuscle.sweeps.reductions import BY_NAME
@@ -23,13 +23,17 @@ Reductions = Sequence[str | Callable[..., Any]] | Mapping[str, Any] | None
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """A variable of the result: what is computed, its dimensions beyond the points, their lengths, unit."""
+    """A variable of the result: what is computed, its dimensions beyond the points, their lengths, unit.
+
+    `absolute`: whether it is a pressure against vacuum.
+    """
 
     variable: Variable
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     unit: str
     meaning: str
+    absolute: bool = False
 
 
 def whole(run: Trajectory, reading: jax.Array) -> jax.Array:
@@ -50,7 +54,9 @@ def columns_of(bench: Bench, outputs: Sequence[str] | None, reductions: Reductio
     """
     readings = _readings(bench, outputs)
     if reductions is None:
-        return tuple(_column(bench, name, whole, name, "{reading}", "", (TIME,)) for name in readings)
+        return tuple(
+            _column(bench, name, whole, name, "{reading}", "", (TIME,), point=True) for name in readings
+        )
     if isinstance(reductions, str) or callable(reductions):
         reductions = [reductions]
     named = isinstance(reductions, Mapping)
@@ -87,6 +93,7 @@ def _reduced(bench: Bench, readings: Sequence[str], name: str | None, entry: Any
         _column(
             bench, f"{r}_{name or entry}", reduction.function, r, reduction.unit,
             f"{r}: {reduction.meaning[0].lower()}{reduction.meaning[1:]}", (),
+            reduction.point,
         )
         for r in readings
     ]  # fmt: skip
@@ -100,6 +107,7 @@ def _column(
     unit: str,
     meaning: str,
     first: tuple[str, ...],
+    point: bool = False,
 ) -> Column:
     variable = Variable(name, function, reading)
     try:
@@ -112,7 +120,8 @@ def _column(
         dims = (*first, _numbering(bench, reading))[: len(shape)]
     given = bench.actuator.units.get("command", "")
     units = {"reading": _unit(bench, reading), "command": f"({given})" if " " in given else given}
-    return Column(variable, dims, shape, unit.format(**units), meaning or f"{name} over time")
+    absolute = point and reading is not None and _declared(bench, reading).referenced
+    return Column(variable, dims, shape, unit.format(**units), meaning or f"{name} over time", absolute)
 
 
 def _numbering(bench: Bench, reading: str) -> str:
@@ -122,8 +131,12 @@ def _numbering(bench: Bench, reading: str) -> str:
 
 
 def _unit(bench: Bench, reading: str | None) -> str:
-    machine = bench.actuator
-    return column_unit(machine.outputs[reading][0], machine.units.get("command")) if reading else ""
+    return _declared(bench, reading).unit if reading else ""
+
+
+def _declared(bench: Bench, reading: str) -> actuators.Column:
+    """What the rig declares of the first column of a reading."""
+    return bench.actuator.column(bench.actuator.outputs[reading][0])
 
 
 def _example(bench: Bench) -> Trajectory:

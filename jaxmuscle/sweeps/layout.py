@@ -45,11 +45,13 @@ def attributes(bench: Bench) -> dict[str, str]:
 def variables(points: Points, columns: Sequence[Column]) -> Variables:
     """Variable → its dimensions, shape and attributes."""
     dims, shape = tuple(points.dims), points.shape
-    found = {
-        c.variable.name: ((*dims, *c.dims), (*shape, *c.shape), {"units": c.unit, "long_name": c.meaning})
-        for c in columns
-    }
+    found = {c.variable.name: ((*dims, *c.dims), (*shape, *c.shape), _said_of(c)) for c in columns}
     return {**found, FAILED: (dims, shape, {"long_name": "whether the run is not finite throughout"})}
+
+
+def _said_of(column: Column) -> dict[str, str]:
+    reference = {"reference": "absolute"} if column.absolute else {}
+    return {"units": column.unit, "long_name": column.meaning, **reference}
 
 
 def in_memory(

@@ -12,7 +12,6 @@ import numpy as np
 
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import parameters
-from jaxmuscle.recordings.units import column_unit
 from jaxmuscle.simulation import Track
 from jaxmuscle.sweeps.bench import Bench
 from jaxmuscle.sweeps.commands import Function
@@ -97,9 +96,7 @@ def _leaves(bench: Bench) -> Iterator[tuple[str, Leaf]]:
             unit = re.sub(r"\{(\w+)\}", lambda found: units.get(found[1], found[0]), leaf.unit)
             yield name, dataclasses.replace(leaf, unit=unit)
     for name, value in bench.start.items():
-        base = machine.derivatives.get(name, name)
-        unit = column_unit(machine.measured[base][0], machine.units.get("command"))
-        unit = unit if base == name else f"{unit}/s"
+        unit = machine.states[name].unit
         yield f"start.{name}", Leaf(f"start.{name}", unit, f"{name} at the start", np.shape(value))
 
 

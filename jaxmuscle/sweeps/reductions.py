@@ -127,10 +127,14 @@ def _like(command: Array, reading: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Reduction:
-    """A function of a run and of one of its readings; `unit` takes {reading} and {command}."""
+    """A function of a run and of one of its readings; `unit` takes {reading} and {command}.
+
+    `point`: whether it is a point on the reading's scale, not a distance on it: absolute where that is.
+    """
 
     function: Callable[[Trajectory, Samples], Number]
     unit: str
+    point: bool = False
 
     @property
     def name(self) -> str:
@@ -144,7 +148,8 @@ class Reduction:
 
 
 CATALOGUE = (
-    *(Reduction(function, "{reading}") for function in (maximum, minimum, span, mean, rms, final)),
+    *(Reduction(function, "{reading}", function is not span) for function in (maximum, minimum, span)),
+    *(Reduction(function, "{reading}", point=True) for function in (mean, rms, final)),
     Reduction(settling_time, "s"),
     Reduction(overshoot, ""),
     Reduction(bandwidth, "Hz"),

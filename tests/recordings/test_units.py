@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings.units import column_unit, from_si, scale, to_si
+from jaxmuscle.recordings.units import from_si, scale, to_si
 
 
 @pytest.mark.parametrize(
@@ -35,6 +35,8 @@ def test_differences_of_temperatures_have_no_offset() -> None:
     assert scale("degC", "K") == 1.0
     assert scale("degF", "K") == pytest.approx(5 / 9, rel=1e-14)
     assert scale("bar", "Pa") == 1e5
+    np.testing.assert_allclose(to_si(np.array([5.0, -1.0]), "degC", "K", difference=True), [5.0, -1.0])
+    assert to_si(9.0, "degF", "K", difference=True) == pytest.approx(5.0, rel=1e-14)
 
 
 def test_arrays_stay_arrays_of_float64() -> None:
@@ -68,10 +70,3 @@ def test_wrong_units_are_named_with_what_to_write(unit: str, si: str, words: lis
         to_si(1.0, unit, si)
     for word in words:
         assert word in str(caught.value)
-
-
-def test_units_of_columns() -> None:
-    assert column_unit("pressure_2", "V") == column_unit("pressure", None) == "Pa"
-    assert column_unit("command_1", "Pa") == "Pa"
-    assert column_unit("command", "V") == "V"
-    assert column_unit("angle", "Pa") == "rad"
