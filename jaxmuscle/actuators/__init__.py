@@ -1,6 +1,7 @@
 """Whole machines. A new rig is a class here and a line in `RIGS`; a user's own is a class and `register`."""
 
 from jaxmuscle.actuators.base import AbstractActuator, Held
+from jaxmuscle.actuators.channel import Actuation, ControlChannel
 from jaxmuscle.actuators.driven import Driven
 from jaxmuscle.actuators.elbow import Elbow
 from jaxmuscle.actuators.isotonic import Isotonic
@@ -13,8 +14,10 @@ from jaxmuscle.actuators.variables import Column, Command, Link, Reading, StateV
 __all__ = [
     "RIGS",
     "AbstractActuator",
+    "Actuation",
     "Column",
     "Command",
+    "ControlChannel",
     "Driven",
     "Elbow",
     "Held",

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxmuscle.actuators.channel import Actuation, ControlChannel
 from jaxmuscle.actuators.listed import LISTED_UNITS, OLDER, listed_variables
 from jaxmuscle.actuators.variables import Column, Link, StateVariable, Variable, class_variables
 from jaxmuscle.effects.base import AbstractEffect, States, addition
@@ -56,6 +57,7 @@ class AbstractActuator(eqx.Module):
         quantities: card name → path of the parameter.
         available: signals that an effect may read here.
         largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
+        channel: what a controller of one reading sees and does here; none unless declared.
         ————
         columns: column of a recording → its unit.
         states: state → what is declared of it; rates of measured states too.
@@ -76,6 +78,7 @@ class AbstractActuator(eqx.Module):
     quantities: ClassVar[Mapping[str, str]]
     available: ClassVar[frozenset[str]]
     largest_step: ClassVar[float]
+    channel: ClassVar[ControlChannel | None] = None
     columns: ClassVar[Mapping[str, Column]] = {}
     states: ClassVar[Mapping[str, StateVariable]] = {}
     commands: ClassVar[tuple[str, ...]]
@@ -91,7 +94,7 @@ class AbstractActuator(eqx.Module):
         super().__init_subclass__(**kwargs)
         paths = {name for base in cls.__mro__ for name in _fields(base)}
         older = sorted(cls.__dict__.keys() & {*OLDER})
-        units = getattr(cls, "units", {})
+        units: Mapping[str, str] = getattr(cls, "units", {})
         found: dict[str, Any] = {}
         if hasattr(cls, "variables"):
             if older:
@@ -104,6 +107,8 @@ class AbstractActuator(eqx.Module):
             )
         for name, value in found.items():
             setattr(cls, name, value)
+        if cls.channel is not None and hasattr(cls, "outputs"):
+            cls.channel = cls.channel.checked(cls.__name__, cls.units, cls.outputs, len(cls.commands), paths)
 
     @classmethod
     def column(cls, name: str) -> Column:
@@ -145,6 +150,31 @@ class AbstractActuator(eqx.Module):
             f"{type(self).__name__}: expected a method resting_command(measured), the command under which "
             f"the machine rests, as it has the commands {', '.join(self.commands) or 'none'}"
         )
+
+    @classmethod
+    def declared_channel(cls) -> ControlChannel:
+        """The rig's `channel`.
+
+        Raises:
+            InputError: it declares none.
+        """
+        if cls.channel is None:
+            raise InputError(
+                f"rig {cls.rig!r} declares no control channel: declare `channel`, a ControlChannel, or make "
+                f"a control.Attached for it"
+            )
+        return cls.channel
+
+    def actuation(self) -> Actuation:
+        """What an output of a controller does to the commands, as `channel` declares it.
+
+        A rig may define it anew, with keywords of its own, which :func:`jaxmuscle.control.feedback_on` hands
+        on to it.
+
+        Raises:
+            InputError: the rig declares no channel.
+        """
+        return self.declared_channel().actuation(self, len(self.commands))
 
     @abc.abstractmethod
     def signals(self, state: State, held: Held) -> Signals:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.channel import ControlChannel
 from jaxmuscle.actuators.regulated import AbstractRegulated, regulated_pressures
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import PressureRegulator
@@ -57,6 +58,7 @@ class Elbow(AbstractRegulated):
     )
     available: ClassVar = frozenset("command past pressure".split())
     largest_step: ClassVar = 0.002
+    channel: ClassVar = ControlChannel("angle", rest="ambient_pressure", lowest="ambient_pressure")
 
     regulator: PressureRegulator
     hysteresis: ModifiedPrandtlIshlinskii

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.channel import Actuation, ControlChannel
 from jaxmuscle.actuators.jet import BEHIND_A_JET_PIPE, AbstractJetPipe
 from jaxmuscle.actuators.variables import Command
 from jaxmuscle.components import CurrentDriver, Cylinder, JetPipe, Receiver
@@ -63,6 +64,7 @@ class JetPipeActuator(AbstractJetPipe):
         "command past current pipe tip_force tip_position mass_flow chambers force".split()
     )
     largest_step: ClassVar = 1e-3
+    channel: ClassVar = ControlChannel("force", "A")
 
     driver: CurrentDriver
     pipe: JetPipe
@@ -89,6 +91,11 @@ class JetPipeActuator(AbstractJetPipe):
 
     def resting_command(self, measured: Mapping[str, Array]) -> Array:
         return jnp.zeros(())
+
+    def actuation(self) -> Actuation:
+        """Undo gain and offset of the driver: a controller's output is the current ([H])."""
+        limit = jnp.asarray(jnp.inf)
+        return Actuation(-self.driver.offset / self.driver.gain, 1 / self.driver.gain, -limit, limit)
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import ArrayLike
 
 from jaxmuscle.actuators.base import Held, State
+from jaxmuscle.actuators.channel import Actuation, ControlChannel
 from jaxmuscle.actuators.pulled import SIDES, AbstractOpposedMuscles
 from jaxmuscle.actuators.regulated import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
@@ -34,6 +37,8 @@ class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
         "position velocity angle".split()
     )
 
+    channel: ClassVar = ControlChannel("angle")
+
     regulator: PressureRegulator
     muscle: McKibben
     inertia: Scalar = parameter("kg m^2", "moment of inertia of the joint", positive=True)
@@ -41,6 +46,15 @@ class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
     initial_contraction: Scalar = parameter("", "contraction ratio of both muscles at angle 0")
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
+
+    def actuation(self, mean_pressure: ArrayLike = 2.5e5) -> Actuation:
+        """Commands P0 ± ΔU, between no pressure and twice the mean one ([T]).
+
+        `mean_pressure`: P0, gauge [Pa].
+        """
+        ambient, mean, side = self.ambient_pressure, jnp.asarray(mean_pressure, dtype=float), jnp.ones(2)
+        rest, highest = (ambient + mean) * side, (ambient + 2 * mean) * side
+        return Actuation(rest, jnp.asarray(SIDES), ambient * side, highest)
 
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)

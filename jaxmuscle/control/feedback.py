@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 import equinox as eqx
@@ -9,19 +10,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.actuators.elbow import Elbow
-from jaxmuscle.actuators.jetpipe import JetPipeActuator
-from jaxmuscle.actuators.joint import SIDES, Joint
-from jaxmuscle.control.fuzzy import FuzzyPID
-from jaxmuscle.control.pid import IntegralInversePID
-from jaxmuscle.control.proportional import ProportionalForce
-from jaxmuscle.control.scheduled import ScheduledPID
-from jaxmuscle.control.sliding import Reference, SlidingMode
-from jaxmuscle.errors import InputError
+from jaxmuscle.actuators.registry import RIGS
+from jaxmuscle.control.sliding import Reference
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.recordings.units import KINDS, is_same_unit
 
 Commands = Float[Array, "*commands"]
-OF_ONE_NUMBER = (FuzzyPID, IntegralInversePID, ProportionalForce, ScheduledPID)
-"""Controllers that follow a value alone, not its rates."""
 
 
 def _command() -> Any:
@@ -34,7 +28,9 @@ class Attached(eqx.Module):
 
     For :func:`closed_loop`. The controller is one of this package or any with methods ``start()`` → state and
     ``update(state, wanted, measured, step)`` → (state, output u). One that integrates may have a method
-    ``without_windup(before, after, output, lowest, highest)`` → state, which is told the limits of u.
+    ``without_windup(before, after, output, lowest, highest)`` → state, which is told the limits of u. Class
+    variables that it may have: ``reads`` and ``gives``, the SI units of reading and output that its numbers
+    are in; ``of_one_number``, true if it follows a value alone, not its rates.
 
     Attributes:
         reading: name of the reading, an output of the rig such as "angle".
@@ -62,7 +58,7 @@ class Attached(eqx.Module):
         Raises:
             InputError: the rig has no such reading, or a :class:`Reference` for a controller of one number.
         """
-        if isinstance(wanted, Reference) and isinstance(self.controller, OF_ONE_NUMBER):
+        if isinstance(wanted, Reference) and getattr(self.controller, "of_one_number", False):
             name = type(self.controller).__name__
             raise InputError(f"{name}: expected a reference of one array; got a control.Reference")
         if self.reading not in readings:
@@ -92,44 +88,53 @@ class Attached(eqx.Module):
         return jnp.where(some, there, command * jnp.sign(divisor))
 
 
-def feedback_on(actuator: AbstractActuator, controller: Any, *, mean_pressure: ArrayLike = 2.5e5) -> Attached:
-    """A controller on a rig of this package.
+def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLike) -> Attached:
+    """A controller on the channel that a rig declares (:class:`jaxmuscle.actuators.ControlChannel`).
+
+    Of the rigs of this package:
 
     * `joint`: angle → ΔU, commands P0 ± ΔU between no pressure and twice the mean one ([T]).
     * `elbow`: angle → gauge pressure, not below none ([W]).
     * `jet-pipe`: force → current of the driver, whose gain and offset are undone ([H]).
 
     Args:
-        mean_pressure: P0 of a joint, gauge [Pa]; 2.5 bar in [T].
+        settings: keywords of the rig's `actuation`; of a `joint` `mean_pressure`, P0, gauge [Pa], 2.5 bar
+            as in [T] when not given.
 
     Raises:
-        InputError: another rig; make a :class:`Attached` for it. A controller of forces on a joint, or of
-            angles on a jet pipe.
+        InputError: a rig without a channel; make an :class:`Attached` for it. A controller whose numbers are
+            in other units than the channel's: of forces on a joint, of angles on a jet pipe. Settings that
+            the rig does not have.
     """
-    _check_kind(actuator, controller)
-    if isinstance(actuator, Joint):
-        ambient, mean, side = actuator.ambient_pressure, jnp.asarray(mean_pressure, dtype=float), jnp.ones(2)
-        rest = (ambient + mean) * side
-        return Attached(
-            controller, "angle", rest, jnp.asarray(SIDES), ambient * side, (ambient + 2 * mean) * side
+    channel = actuator.declared_channel()
+    _check_units(actuator, controller)
+    known = inspect.signature(actuator.actuation).parameters
+    if unknown := [name for name in settings if name not in known]:
+        raise InputError(
+            f"feedback_on: rig {actuator.rig!r} has no setting {unknown[0]!r}{nearest(unknown[0], known)}"
         )
-    if isinstance(actuator, Elbow):
-        ambient = actuator.ambient_pressure
-        return Attached(controller, "angle", ambient, jnp.ones(()), ambient, jnp.asarray(jnp.inf))
-    if isinstance(actuator, JetPipeActuator):
-        driver, limit = actuator.driver, jnp.asarray(jnp.inf)
-        return Attached(controller, "force", -driver.offset / driver.gain, 1 / driver.gain, -limit, limit)
+    return Attached(controller, channel.reading, *actuator.actuation(**settings))
+
+
+def _check_units(actuator: AbstractActuator, controller: Any) -> None:
+    """Raise `InputError` for a controller whose gains are in the units of another kind of rig."""
+    units: Any = getattr(controller, "reads", None), getattr(controller, "gives", None)
+    own = _units(type(actuator))
+    if None in units or all(map(is_same_unit, own, units)):
+        return
+    fitting = [
+        name
+        for name, rig in RIGS.items()
+        if rig.channel is not None and all(map(is_same_unit, _units(rig), units))
+    ]
+    read, given = (KINDS.get(unit, (unit, ""))[0] for unit in units)
     raise InputError(
-        f"expected a rig joint, elbow or jet-pipe; got {actuator.rig!r}; make a control.Attached for it"
+        f"{type(controller).__name__} turns {read} into {given}: expected rig "
+        f"{' or '.join(fitting) or 'none'}; got {actuator.rig!r}, whose channel turns {own[0]} into {own[1]}"
     )
 
 
-def _check_kind(actuator: AbstractActuator, controller: Any) -> None:
-    """Raise `InputError` for a controller whose gains are in the units of another kind of rig."""
-    name, forces = type(controller).__name__, isinstance(actuator, JetPipeActuator)
-    if isinstance(controller, ProportionalForce) and not forces:
-        raise InputError(f"{name} turns a force into a current: expected rig jet-pipe; got {actuator.rig!r}")
-    if isinstance(controller, FuzzyPID | SlidingMode) and forces:
-        raise InputError(
-            f"{name} turns an angle into a pressure: expected rig joint or elbow; got {actuator.rig!r}"
-        )
+def _units(rig: type[AbstractActuator]) -> tuple[str, str]:
+    """Units of the reading that a controller sees, and of its output."""
+    channel = rig.declared_channel()
+    return rig.column(rig.outputs[channel.reading][0]).unit, channel.unit or ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -46,6 +48,9 @@ class FuzzyPID(eqx.Module):
     waits (:meth:`without_windup`).
     """
 
+    reads: ClassVar = "rad"
+    gives: ClassVar = "Pa"
+    of_one_number: ClassVar = True
     error_range: Scalar = parameter("rad", "error ē that is as big as can be", positive=True)
     rate_range: Scalar = parameter("rad/s", "rate r̄ of the error that is as big as can be", positive=True)
     proportional: Scalar = parameter("Pa", "command K_p of the strongest rule", nonnegative=True)

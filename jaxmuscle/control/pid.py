@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -30,6 +32,7 @@ class IntegralInversePID(eqx.Module):
     In :func:`closed_loop`, whose command is limited, neither integral winds up: :meth:`without_windup`.
     """
 
+    of_one_number: ClassVar = True
     inverse: IntegralInverse | None
     proportional: Scalar = parameter("{input}/{output}", "gain K_p, input per output", nonnegative=True)
     integral_time: Scalar = parameter("s", "integral time T_i", positive=True)

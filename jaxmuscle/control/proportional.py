@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.core
 import jax.numpy as jnp
@@ -43,6 +45,9 @@ class ProportionalForce(eqx.Module):
     the static curve removes it as far as the curve holds. Limited to the rated current.
     """
 
+    reads: ClassVar = "N"
+    gives: ClassVar = "A"
+    of_one_number: ClassVar = True
     gain: Scalar = parameter("A/N", "proportional gain k_p", default=0.044, positive=True)
     curve: StaticCurve | None = None
     limit: Scalar = parameter("A", "rated current", default=0.4, positive=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.core
 import jax.numpy as jnp
@@ -23,6 +25,7 @@ class ScheduledPID(eqx.Module):
     numbers of [W] Table 3 are not legible; its angles go from 15° to 90°. One range is the PID of [W] (7).
     """
 
+    of_one_number: ClassVar = True
     inverse: IntegralInverse | None
     edges: Float[Array, " edges"] = parameter("{output}", "ends of the ranges but the last, increasing")
     proportional: Gains = parameter("{input}/{output}", "gain K_p of each range", nonnegative=True)

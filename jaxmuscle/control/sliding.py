@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -62,6 +62,8 @@ class SlidingMode(eqx.Module):
     C' = 0.01 to 0.05, a sampling period of 2 ms, and the limits that are the defaults here.
     """
 
+    reads: ClassVar = "rad"
+    gives: ClassVar = "Pa"
     joint: JointModel
     slope: Scalar = parameter("1/s", "slope C of the sliding line", positive=True)
     curvature: Scalar = parameter("s", "weight C' of the second rate", default=0.0, nonnegative=True)

@@ -112,6 +112,11 @@ def check_unit(unit: str, si: str) -> None:
     raise InputError(f"expected {describe_unit(si)}; got unit = {unit!r}{what}")
 
 
+def is_same_unit(one: str, other: str) -> bool:
+    """Whether two units that exist measure the same."""
+    return _roots(one) is not None and _roots(one) == _roots(other)
+
+
 def describe_unit(si: str) -> str:
     """What an SI unit measures, with an example of how to write it."""
     return f'{KINDS.get(si, ("a quantity", si))[0]}, such as unit = "{example_unit(si)}"'
