@@ -45,9 +45,9 @@ class Held(eqx.Module):
 class AbstractActuator(eqx.Module):
     """A machine: states, the chain of signals, what is measured.
 
-    A rig declares its states, commands and readings once, in `variables`; the class variables behind the
-    line follow from them when the class is made. A class that gives those itself, without `variables`, is
-    read as before, with columns of the names in :data:`jaxmuscle.actuators.listed.LISTED_UNITS`.
+    A rig declares its commands, states and readings once, in `variables`; from them further class variables
+    follow when the class is made. The older form, a class that gives `commands` to `links` itself and no
+    `variables`, is still read, with columns of the names in :data:`jaxmuscle.actuators.listed.LISTED_UNITS`.
 
     Class variables:
         rig: the name that cards use.
@@ -58,7 +58,8 @@ class AbstractActuator(eqx.Module):
         available: signals that an effect may read here.
         largest_step: longest solver step that keeps the rig's error well below its sensors' noise [s].
         channel: what a controller of one reading sees and does here; none unless declared.
-        ————
+
+    Class variables that follow:
         columns: column of a recording → its unit.
         states: state → what is declared of it; rates of measured states too.
         commands: columns of the command, one or one a muscle.
