@@ -3,6 +3,7 @@
 import ast
 import graphlib
 import importlib
+import importlib.resources
 import inspect
 import types
 from pathlib import Path
@@ -154,3 +155,7 @@ def test_every_public_name_has_a_docstring(path):
     # Methods that fill in an abstract one inherit its docstring.
     missing = [name for name, thing in public(path) if not inspect.getdoc(thing)]
     assert not missing, f"{relative(path)}: {missing}"
+
+
+def test_type_checkers_are_told_that_the_package_has_types():
+    assert (importlib.resources.files(jaxmuscle) / "py.typed").is_file()
