@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.special import ndtri
+from scipy.stats import qmc
 
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
@@ -18,7 +19,7 @@ INSIDE = 1e-3
 
 
 def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[np.ndarray, "starts k"]:
-    """The unknowns' own start, then a Latin hypercube of `count` - 1 (McKay et al. 1979).
+    """The unknowns' own start, then a Latin hypercube of `count` - 1 (McKay et al. 1979, as in SciPy).
 
     Each coordinate is spread normally about its prior's mean with its standard deviation, or about its
     start with its scale where there is no prior; of positive parameters the logarithm. What falls beyond a
@@ -29,9 +30,9 @@ def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[np.ndarray
         return own[None]
     middles = np.array([e.prior.mean if e.prior else e.start for e in unknowns.entries])
     means = unknowns.coordinates(middles)
-    rng = np.random.default_rng(seed)
-    shares = np.stack([rng.permutation(count - 1) for _ in unknowns.entries], axis=-1)
-    uniform = (shares + rng.random(shares.shape)) / (count - 1)
+    # A generator, since SciPy takes a number for another one from version to version.
+    hypercube = qmc.LatinHypercube(len(unknowns), seed=np.random.default_rng(seed))
+    uniform = hypercube.random(count - 1)
     # Of what may be zero or negative a coordinate is one scale already.
     sizes = np.where(unknowns.logarithmic, unknowns.scale / np.where(middles == 0, 1.0, middles), 1.0)
     drawn = means + sizes * ndtri(uniform)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm, qmc
 
 from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.starts import spread_starts
@@ -44,11 +45,20 @@ def test_starts_fill_the_prior_evenly():
     vector = two(Prior(2e-6, 4e-7))
     points = spread_starts(vector, 11, seed=0)
     np.testing.assert_allclose(vector.values(points[0]), [2e-6, 0.0])
-    logs = np.sort((points[1:, 0] - np.log(2e-6)) / 0.2)
+    deviations = np.stack([(points[1:, 0] - np.log(2e-6)) / 0.2, points[1:, 1]])
     edges = np.array([-1.2816, -0.8416, -0.5244, -0.2533, 0.0, 0.2533, 0.5244, 0.8416, 1.2816])
-    np.testing.assert_array_equal(np.searchsorted(edges, logs), np.arange(10))
+    for each in deviations:
+        np.testing.assert_array_equal(np.searchsorted(edges, np.sort(each)), np.arange(10))
     np.testing.assert_array_equal(points, spread_starts(vector, 11, seed=0))
     assert not np.array_equal(points, spread_starts(vector, 11, seed=1))
+
+
+def test_starts_are_those_of_scipy():
+    """Seeded as NumPy's own generator, which gives the same numbers in every version of SciPy."""
+    shares = qmc.LatinHypercube(2, seed=np.random.default_rng(5)).random(6)
+    points = spread_starts(two(Prior(2e-6, 4e-7)), 7, seed=5)[1:]
+    expected = norm.ppf(shares) * [0.2, 1.0] + [np.log(2e-6), 0.0]
+    np.testing.assert_allclose(points, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_starts_about_a_prior_of_mean_zero():
