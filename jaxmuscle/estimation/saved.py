@@ -94,7 +94,7 @@ def load(path: str | Path, kind: type[Result]) -> Result:
         tests=tuple(ResidualTest(**arrays(each, "lags", "correlation", "band")) for each in data["tests"]),
         noise={r: {c: Noise(**n) for c, n in columns.items()} for r, columns in data["noise"].items()},
         predictions={name: table(each) for name, each in data["predictions"].items()},
-        cards={name: Card.parse(tomllib.loads(text)) for name, text in data["cards"].items()},
+        cards={name: Card.from_toml(text) for name, text in data["cards"].items()},
         settings=settings(data["settings"]),
         rough=tuple(RoughWindow(**each) for each in data.get("rough", ())),
         **{name: data[name] for name in ("cost", "samples", "code", "iterations", "seconds")},

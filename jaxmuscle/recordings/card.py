@@ -21,7 +21,7 @@ from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.quantity import ColumnSpec, Quantity, written_deviation, written_quantity
 from jaxmuscle.recordings.schema import AMBIENT, Need
 from jaxmuscle.recordings.sections import read_sections
-from jaxmuscle.recordings.toml import toml_text
+from jaxmuscle.recordings.toml import edited_text, toml_text
 from jaxmuscle.recordings.units import STANDARD_ATMOSPHERE
 
 Estimate = tuple[float, float | None]
@@ -41,7 +41,9 @@ class Card:
         effects: name of an effect that the experimenter declares → parameter → value.
         noise: measured quantity → standard deviation of its sensor [SI].
         horizon: length of the windows of prediction [s], `None` for whole runs.
-        file, text: where the card came from, when it did; not part of what makes two cards equal.
+        file: where the card came from, when it did; not part of what makes two cards equal.
+        text: the TOML that it was read from, of which :meth:`to_toml` keeps the comments and the layout;
+            not part of what makes two cards equal.
     """
 
     rig: str
@@ -60,13 +62,16 @@ class Card:
         """The card in a TOML file. `InputError` names the file and everything that is wrong with it."""
         file = existing_file(Path(path), "card", (".toml",))
         try:
-            text = file_content(file).decode("utf-8-sig")
-            mapping = tomllib.loads(text)
+            return cls.from_toml(file_content(file).decode("utf-8-sig"), file)
         except UnicodeDecodeError as error:
             raise InputError(f"{file}: not a text in UTF-8 (byte {error.start}); save it as UTF-8") from error
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"{file}: cannot be read as TOML: {error}") from error
-        return dataclasses.replace(cls.parse(mapping, file=file), text=text)
+
+    @classmethod
+    def from_toml(cls, text: str, file: Path | None = None) -> Card:
+        """The card in a TOML text. `InputError` tells everything that is wrong with it."""
+        return dataclasses.replace(cls.parse(tomllib.loads(text), file=file), text=text)
 
     @classmethod
     def parse(cls, mapping: Mapping[str, Any], file: Path | None = None) -> Card:
@@ -112,36 +117,56 @@ class Card:
             old = self.effects.get(effect, {})
             new = {name: _estimated(name, old.get(name), needs, e) for name, e in parameters.items()}
             declared[effect] = {**old, **new}
-        return dataclasses.replace(
-            self, known=known, uncertain=uncertain, effects=declared, file=None, text=None
-        )
+        return dataclasses.replace(self, known=known, uncertain=uncertain, effects=declared, file=None)
 
     def telling(self, told: Sequence[str]) -> Card:
         """A copy whose description also tells what a card has no place for, `told`; itself if nothing."""
         if not told:
             return self
         text = f"{self.description} Fitted beside it, not part of this card: {', '.join(told)}."
-        return dataclasses.replace(self, description=text.strip(), file=None, text=None)
+        return dataclasses.replace(self, description=text.strip(), file=None)
 
     def to_toml(self) -> str:
-        """The card as TOML, in the units in which it was written; it reads back as an equal card."""
+        """The card as TOML, in the units in which it was written; it reads back as an equal card.
+
+        Of a card that was read, and whatever was updated since, comments, order and everything that did not
+        change stay as they were written.
+        """
+        heads = {"rig": self.rig, "description": self.description}
+        if self.text is None:
+            return toml_text(heads, self._sections({}))
+        mapping = tomllib.loads(self.text)
+        before = Card.parse(mapping)
+        standing = {name: section for section in ("known", "uncertain") for name in mapping.get(section, {})}
+        told = {"rig": (before.rig, self.rig), "description": (before.description, self.description)}
+        return edited_text(self.text, told, before._sections(standing), self._sections(standing))
+
+    def _sections(self, standing: Mapping[str, str]) -> dict[str, dict[str, dict[str, Any]]]:
+        """The entries of every section.
+
+        Args:
+            standing: name of a quantity → section in which it stands. One with a standard deviation may
+                stand among the known ones.
+        """
         rig, ambient = rig_named(self.rig), self.ambient_pressure
         needs, columns = schema.quantities(rig), schema.columns(rig)
 
         def written(quantities: Mapping[str, Quantity], needs: Mapping[str, Need]) -> dict[str, Any]:
             return {name: written_quantity(q, needs[name], ambient) for name, q in quantities.items()}
 
+        uncertain = {n: q for n, q in self.uncertain.items() if standing.get(n) != "known"}
+        known = {n: q for n, q in self.quantities.items() if n not in uncertain}
         sections = {
             "columns": {name: _written_column(spec) for name, spec in self.columns.items()},
-            "known": written(self.known, needs),
-            "uncertain": written(self.uncertain, needs),
+            "known": written(known, needs),
+            "uncertain": written(uncertain, needs),
             "noise": {name: self._written_noise(name, columns[name]) for name in self.noise},
         }
         if self.horizon is not None:
             sections["fit"] = {"horizon": {"value": self.horizon, "unit": "s"}}
         for name, parameters in self.effects.items():
             sections[f"effects.{name}"] = written(parameters, schema.effect_parameters(BY_NAME[name], rig))
-        return toml_text({"rig": self.rig, "description": self.description}, sections)
+        return sections
 
     def _written_noise(self, name: str, need: Need) -> dict[str, Any]:
         unit = self.columns[name].unit

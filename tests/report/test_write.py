@@ -52,6 +52,16 @@ def test_card_reads_back_with_the_fitted_values_and_the_added_effect(tmp_path: P
     assert (card.known, card.columns, card.noise) == (declared.known, declared.columns, declared.noise)
 
 
+def test_the_written_card_keeps_the_comments_of_the_one_that_was_read(tmp_path: Path) -> None:
+    outcome = diagnosis("effects found")
+    text = (outcome.recording.card.text or "").replace("[uncertain]\n", "[uncertain]  # by hand\n# a guess\n")
+    recording = dataclasses.replace(outcome.recording, card=Card.from_toml(text))
+    write(dataclasses.replace(outcome, recording=recording), tmp_path, report=False)
+    written = (tmp_path / "card.toml").read_text(encoding="utf-8")
+    assert "[uncertain]  # by hand\n# a guess\nvalve_area = { value = 1.1712, std = 0.0031" in written
+    assert written.startswith(text[: text.index("[uncertain]")])
+
+
 def test_a_value_without_a_usable_deviation_becomes_known(tmp_path: Path) -> None:
     fitted = {"end_factor": Estimate(1.3, math.inf, "", "")}
     write(dataclasses.replace(diagnosis("complete"), parameters=fitted), tmp_path, report=False)
