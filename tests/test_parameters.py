@@ -21,6 +21,15 @@ FULL = {rig: bench.model(rig, [effect.name for effect in bench.offered(rig)]) fo
 EVERY = [(rig, entry) for rig, model in FULL.items() for entry in parameters(model).values()]
 IDS = [f"{rig}:{entry.path}" for rig, entry in EVERY]
 
+UNLOADED = ("driven", "jet-pipe", "elbow")
+"""Rigs on whose load nothing acts but what the rig says."""
+
+
+def load_of(rig):
+    """Unit of the load: a torque where the rig turns."""
+    turning = rig in ("joint", "scara", "elbow")
+    return UNITS.parse_units("newton * meter" if turning else "newton")
+
 
 class Part(eqx.Module):
     """A part with one parameter."""
@@ -98,16 +107,27 @@ def test_every_parameter_has_a_unit_and_a_meaning(rig, entry):
 @pytest.mark.parametrize("rig", RIGS)
 def test_units_depend_on_the_rig(rig):
     entries = parameters(FULL[rig])
-    if "effects.load_friction.force" in entries:
-        expected = "newton * meter" if rig in ("joint", "scara") else "newton"
-        assert UNITS.parse_units(entries["effects.load_friction.force"].unit) == UNITS.parse_units(expected)
+    path = "effects.load_friction.force"
+    assert (path in entries) == (rig not in UNLOADED)
+    if path in entries:
+        assert UNITS.parse_units(entries[path].unit) == load_of(rig)
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_slots_have_units(rig):
-    for slot in SLOTS:
-        if {"{command}": "command", "{load}": "load"}.get(slot.unit, "load") in RIGS[rig].units:
-            UNITS.parse_units(slot.unit.format(**RIGS[rig].units))
+def test_what_effects_add_has_the_unit_of_the_signal(rig):
+    units = {
+        "command": UNITS.parse_units(RIGS[rig].units.get("command", "")),
+        "tip_force": UNITS.newton,
+        "tip_position": UNITS.meter,
+        "mass_flow": UNITS.kilogram / UNITS.second,
+        "muscle_force": UNITS.newton,
+        "load": load_of(rig),
+        "force_reading": UNITS.newton,
+    }
+    slots = {effect.slot for effect in bench.offered(rig)}
+    assert {slot.name for slot in SLOTS} == set(units) and slots <= set(SLOTS) and slots
+    for slot in slots:
+        assert UNITS.parse_units(slot.unit.format(**RIGS[rig].units)) == units[slot.name]
 
 
 @pytest.mark.parametrize("rig", RIGS)

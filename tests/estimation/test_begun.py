@@ -86,4 +86,5 @@ def test_intervals_hold_the_truth_in_many_short_windows():
         for name, value in true.items():
             low, high = found.parameters[name].interval()
             held.append(low <= value <= high)
-    assert len(held) == 40 and sum(held) > 33
+    # Of 40 fewer than 36 happen five times in a hundred.
+    assert len(held) == 40 and sum(held) >= 36

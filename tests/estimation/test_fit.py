@@ -5,6 +5,7 @@ import pytest
 from estimation.made import LIFT_TRUE, TRUE, changed, fitted, lifted, pulled, within
 from oracles import bench
 from oracles.recorded import NOISE
+from scipy.stats import binom, chi2
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
@@ -42,15 +43,19 @@ def test_every_start_reaches_the_minimum_and_the_noise():
 
 
 def test_intervals_cover_the_truth():
-    """95 % of them: of 24, fewer than 19 happen once in a thousand times."""
-    covered = []
+    """95 % of them; and the estimates lie about the truth as their covariance says, no nearer, no farther."""
+    covered, squares = [], 0.0
     for seed in range(12):
         found = fitted(pulled(seed), priors={"initial_radius": None, "end_factor": None})
+        off = np.array([found.values[name] - true for name, true in TRUE.items()])
+        squares += off @ np.linalg.solve(found.covariance.loc[list(TRUE), list(TRUE)].to_numpy(), off)
         for name, true in TRUE.items():
             low, high = found.parameters[name].interval()
             covered.append(low <= true <= high)
     assert len(covered) == 24
-    assert sum(covered) >= 19
+    assert sum(covered) >= binom.ppf(0.05, 24, 0.95) == 21
+    low, high = chi2.interval(0.95, 24)
+    assert low < squares < high
 
 
 def test_offset_of_an_imposed_sensor(recording):
