@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -60,16 +60,54 @@ def parameter(
 
 
 @dataclasses.dataclass(frozen=True)
-class Parameter:
-    """One parameter of a model: dotted `path`, `value` (SI), `unit`, `meaning`, and how a fit treats it."""
+class Declaration:
+    """What :func:`parameter` says of a parameter, in the units of a rig.
+
+    Attributes:
+        unit: SI unit.
+        meaning: one line in the words of the field.
+        positive: above zero in every fit.
+        nonnegative: zero or above in every fit.
+        typical: natural size (SI) of one whose value is zero: how far a fit may well move it.
+    """
+
+    unit: str = ""
+    meaning: str = ""
+    positive: bool = False
+    nonnegative: bool = False
+    typical: float | None = None
+
+    @classmethod
+    def of(cls, field: dataclasses.Field[Any], units: Mapping[str, str]) -> Declaration:
+        """What a field declares; a unit of the rig that `units` does not hold stays as it is written."""
+        said = {each.name: field.metadata[each.name] for each in dataclasses.fields(Declaration)}
+        return Declaration(**{**said, "unit": said["unit"].format_map(_Units(units))})
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Parameter(Declaration):
+    """One parameter of a machine, or an entry of one that is an array; what beside a machine can be fitted.
+
+    Attributes:
+        path: dotted path in the machine, ``offset.COLUMN`` or ``start.STATE``
+            (:mod:`jaxmuscle.parameter_names`).
+        value: a number or an array (SI).
+        name: what cards and results call it: the card's name of a quantity, else its path.
+    """
 
     path: str
     value: Any
-    unit: str
-    meaning: str
-    positive: bool
-    nonnegative: bool
-    typical: float | None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Without another name it goes by its path."""
+        if not self.name:
+            object.__setattr__(self, "name", self.path)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of an array; empty for a number."""
+        return jnp.shape(self.value)
 
 
 def parameters(model: eqx.Module) -> dict[str, Parameter]:
@@ -140,6 +178,14 @@ def _whole_leaves(model: eqx.Module, values: Mapping[str, Any]) -> dict[str, Any
     return whole
 
 
+def declared_at(kind: type[Any], path: str) -> dataclasses.Field[Any]:
+    """The field of a class of models that declares the parameter at a dotted path."""
+    *components, name = path.split(".")
+    for component in components:
+        kind = get_type_hints(kind)[component]
+    return {field.name: field for field in dataclasses.fields(kind)}[name]
+
+
 def _child(node: Any, name: str, path: str) -> Any:
     if isinstance(node, Mapping):
         if name in node:
@@ -156,11 +202,9 @@ def _walk(node: Any, prefix: str, units: Mapping[str, str]) -> Iterator[Paramete
         return
     for field in dataclasses.fields(node):
         child = getattr(node, field.name)
-        meta = field.metadata
-        if "unit" in meta:
-            unit = meta["unit"].format_map(_Units(units))
-            how = {key: meta[key] for key in ("positive", "nonnegative", "typical")}
-            yield Parameter(prefix + field.name, child, unit, meta["meaning"], **how)
+        if "unit" in field.metadata:
+            said = vars(Declaration.of(field, units))
+            yield Parameter(path=prefix + field.name, value=child, **said)
         elif isinstance(child, eqx.Module | Mapping):
             yield from _walk(child, f"{prefix}{field.name}.", units)
 

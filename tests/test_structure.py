@@ -17,6 +17,7 @@ ORDER = (
     "errors",
     "files",
     "parameters",
+    "parameter_names",
     "signals",
     "components",
     "hysteresis",

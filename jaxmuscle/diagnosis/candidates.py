@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import parameters
 
 LEVELS = 6
@@ -36,12 +37,12 @@ def loaded(actuator: AbstractActuator, effects: Sequence[type[AbstractEffect]]) 
 
 def paths_of(model: AbstractActuator, name: str) -> list[str]:
     """Paths of the parameters of the effect `name`."""
-    return [path for path in parameters(model) if path.startswith(f"effects.{name}.")]
+    return [path for path in parameters(model) if split_effect(path)[0] == name]
 
 
 def strength_path(effect: type[AbstractEffect]) -> str:
     """Path of the strength of an effect."""
-    return f"effects.{effect.name}.{effect.strength}"
+    return effect_path(effect.name, effect.strength)
 
 
 def linear_strength(
@@ -64,7 +65,7 @@ def linear_strength(
 def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
     """Values (by path) of an effect's parameters from which a search begins; with its strength or without."""
     for shape in effect.starts:
-        yield {f"effects.{effect.name}.{name}": value for name, value in shape.items()}
+        yield {effect_path(effect.name, name): value for name, value in shape.items()}
 
 
 def strengths(

@@ -26,6 +26,7 @@ from jaxmuscle.diagnosis.unexplained import unexplained
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.parameter_names import card_name, of_effect
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +61,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     after = errors(case, traces.after, traces.held_out)
     left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if left else "complete"
-    rename = {path: _card_name(case.actuator, path) for path in values}
+    rename = {path: card_name(case.actuator.quantities, path) for path in values}
     return Diagnosis(
         recording=case.recording,
         verdict=verdict,
@@ -96,23 +97,18 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
     return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
 
 
-def _card_name(actuator: AbstractActuator, path: str) -> str:
-    """The name of a quantity as cards have it; effects keep their path."""
-    return next((name for name, place in actuator.quantities.items() if place == path), path)
-
-
 def _renamed(correlations: pd.DataFrame, names: dict[str, str]) -> pd.DataFrame:
     return correlations.rename(index=names, columns=names)
 
 
 def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
-    effect, prefix = candidate.effect, f"effects.{candidate.effect.name}."
+    effect = candidate.effect
     return FoundEffect(
         name=effect.name,
         signal=effect.slot.name,
         meaning=(inspect.getdoc(effect) or "").splitlines()[0],
         source=effect.source,
-        parameters={p.removeprefix(prefix): v for p, v in values.items() if p.startswith(prefix)},
+        parameters=of_effect(effect.name, values),
         gain=candidate.evidence.gain,
         p_value=candidate.evidence.p_value,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.diagnosis.candidates import carries_state, loaded, shapes, strength_path
+from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, shapes, strength_path
 from jaxmuscle.diagnosis.rates import rates_and_readings
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.case import Case
@@ -134,8 +134,8 @@ def _predictions(case: Case, model: AbstractActuator, track: Track) -> dict[str,
 
 def _typical_values(model: AbstractActuator, effect: type[AbstractEffect]) -> dict[str, float]:
     """All parameters of an effect at values at which it acts, its strength included."""
-    prefix, entries = f"effects.{effect.name}.", parameters(model)
-    typical = {p: e.typical for p, e in entries.items() if p.startswith(prefix) and e.typical is not None}
+    own = paths_of(model, effect.name)
+    typical = {p: e.typical for p, e in parameters(model).items() if p in own and e.typical is not None}
     return {strength_path(effect): 1.0, **typical, **next(shapes(effect), {})}
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of
+from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.fit import Minimum, minimise, sensitivities
 from jaxmuscle.fitting.free import Free, Prior, free
@@ -65,7 +65,7 @@ class Workbench:
         They keep a time constant or a threshold that the data say nothing of where it began.
         """
         entries, defaults = parameters(model), loaded(self.model, self.candidates)
-        strengths = {f"effects.{e.name}.{e.strength}" for e in self.candidates}
+        strengths = {strength_path(e) for e in self.candidates}
         priors = {}
         for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
             default = float(get(defaults, path))

@@ -8,20 +8,18 @@ from collections.abc import Sequence
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.fitting.free import Prior
-from jaxmuscle.parameters import replace
+from jaxmuscle.parameters import Parameter, replace
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.recordings.quantity import Quantity
 from jaxmuscle.recordings.recording import Recording
 
 APART = 3.0
 """Distance of two priors, in standard deviations of their difference, beyond which they contradict."""
 
 
-def card_entry(card: Card, place: Place) -> Prior | float | None:
-    """What a card says of a place: a prior, a known value, or nothing."""
-    quantity = _quantity(card, place)
+def said_of(card: Card, place: Parameter) -> Prior | float | None:
+    """What a card says of a parameter: a prior, a known value, or nothing."""
+    quantity = card.entries.get(place.name)
     if quantity is None:
         return None
     return quantity.value if quantity.std is None else Prior(quantity.value, quantity.std)
@@ -104,10 +102,3 @@ def labels(recordings: Sequence[Recording]) -> list[str]:
             name = next(each for each in numbered if each not in own and each not in names)
         names.append(name)
     return names
-
-
-def _quantity(card: Card, place: Place) -> Quantity | None:
-    if place.path.startswith("effects."):
-        _, effect, parameter = place.path.split(".", 2)
-        return card.effects.get(effect, {}).get(parameter)
-    return card.quantities.get(place.name)

@@ -18,12 +18,13 @@ from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.layout import known_places, layout
 from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.missing import Mask, noise_of_readings
-from jaxmuscle.estimation.names import columns, expanded, resolve
+from jaxmuscle.estimation.names import columns
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.padding import aligned
 from jaxmuscle.estimation.starts import given_starts, spread_starts
 from jaxmuscle.estimation.stations import station
 from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.parameter_names import expanded, resolve
 from jaxmuscle.recordings.recording import Recording
 
 ESTIMATED = "estimated"

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.names import START
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameter_names import START
 
 PriorLike = Prior | tuple[float, float] | None
 Bounds = tuple[float | None, float | None]

@@ -9,13 +9,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.estimation.names import START, Place, range_of
-from jaxmuscle.parameters import entries_of
+from jaxmuscle.estimation.names import range_of
+from jaxmuscle.parameter_names import START
+from jaxmuscle.parameters import Parameter, entries_of
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, start_at_rest
 
 
-def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, Place]:
+def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, Parameter]:
     """Every state at the first sample of a recording that a fit can move, by its name and by its entries.
 
     A measured state and its rate, unless the bench imposes them; a hidden state of the machine; the state of
@@ -23,7 +24,7 @@ def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, 
     first readings (as they are, not smoothed as a state is that is not fitted), zero for a rate, or those at
     rest under them.
     """
-    found: dict[str, Place] = {}
+    found: dict[str, Parameter] = {}
     for name, value in _resting(actuator, recording).items():
         values = np.asarray(value)
         unit, path = _unit(actuator, name), START + name
@@ -31,11 +32,11 @@ def start_places(actuator: AbstractActuator, recording: Recording) -> dict[str, 
         begin = "its first reading" if name in actuator.measured else begin
         meaning = f"{name} at the first sample of the recording; without a prior a fit begins at {begin}"
         if values.shape:
-            found[path] = Place(path, path, float("nan"), unit, meaning, shape=values.shape)
+            found[path] = Parameter(path=path, value=values, unit=unit, meaning=meaning)
         sizes = _sizes(actuator, recording, name)
         for i, (own, entry) in enumerate(zip(entries_of(path, values), values.ravel(), strict=True)):
             size = sizes[i] if sizes else None
-            found[own] = Place(own, own, float(entry), unit, meaning, typical=size)
+            found[own] = Parameter(path=own, value=float(entry), unit=unit, meaning=meaning, typical=size)
     return found
 
 

@@ -9,11 +9,9 @@ import numpy as np
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.data import FitData
-from jaxmuscle.estimation.names import of_machine
+from jaxmuscle.parameter_names import card_name, of_machine, split_effect
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.recordings.card import Card, Estimate, actuator_from_card, can_declare
-
-EFFECTS = "effects."
 
 
 def number_of(result: FitData, recording: str | int) -> int:
@@ -46,9 +44,9 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
     holds = {name for name, effect in actuator.effects.items() if can_declare(name, effect)}
     told = []
     for path, entry in parameters(actuator).items():
-        if not path.startswith(EFFECTS):
+        effect, parameter = split_effect(path)
+        if effect is None:
             continue
-        _, effect, parameter = path.split(".", 2)
         if effect not in holds:
             told.append(f"{path} = {np.asarray(entry.value).tolist()} {entry.unit}".rstrip())
         elif path not in declared or declared[path].value != entry.value:
@@ -59,17 +57,17 @@ def fitted_card(result: FitData, recording: str | int) -> Card:
         estimate = (fitted.value, fitted.std if 0 < fitted.std < math.inf else None)
         if not of_machine(fitted.path):
             told.append(f"{name} = {fitted.value:g} {fitted.unit}")
-        elif fitted.path.startswith(EFFECTS):
-            _, effect, parameter = fitted.path.split(".", 2)
-            if effect in holds:
-                effects.setdefault(effect, {})[parameter] = estimate
-        else:
-            values[_card_name(actuator, fitted.path)] = estimate
+            continue
+        effect, parameter = split_effect(fitted.path)
+        if effect in holds:
+            effects.setdefault(effect, {})[parameter] = estimate
+        elif effect is None:
+            values[_quantity(actuator, fitted.path)] = estimate
     return card.updated(values, effects).telling(told)
 
 
-def _card_name(actuator: AbstractActuator, path: str) -> str:
-    for name, place in actuator.quantities.items():
-        if place == path:
-            return name
+def _quantity(actuator: AbstractActuator, path: str) -> str:
+    name = card_name(actuator.quantities, path)
+    if name in actuator.quantities:
+        return name
     raise InputError(f"cards of rig {actuator.rig!r} have no name for {path!r}; use fit.actuator instead")

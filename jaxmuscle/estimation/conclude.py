@@ -16,7 +16,6 @@ from jaxmuscle.estimation.conflict import with_conflicts
 from jaxmuscle.estimation.entries import correlations, fitted, outcomes
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
 from jaxmuscle.estimation.minimum import Minimum
-from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.profile import profiles
 from jaxmuscle.estimation.result import FitResult
@@ -26,6 +25,7 @@ from jaxmuscle.estimation.series import Series, series
 from jaxmuscle.estimation.settled import at_bound, moved_machine
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.estimation.whiteness import residual_tests
+from jaxmuscle.parameter_names import of_machine
 
 
 def conclude(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from jaxmuscle.estimation.lane import FAILED, Lane
 from jaxmuscle.estimation.search import Found
 from jaxmuscle.estimation.settled import settled
 from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.parameters import Declaration
 
 ALIKE = 0.5
 """Distance of two costs per mean square residual up to which two starts reached one minimum: of points that
@@ -21,6 +23,8 @@ far apart in cost the data cannot tell which is nearer to the truth."""
 BESIDE, RUGGED = 1.0, 0.01
 """Standard deviations between two ends in every parameter, and part of their cost, up to which both are
 in one minimum too: where dry friction sticks and slips, the cost is rugged by as much."""
+
+DECLARED = tuple(field.name for field in dataclasses.fields(Declaration))
 
 
 def fitted(
@@ -44,10 +48,8 @@ def fitted(
         found[entry.name] = Fitted(
             value=float(values[i]),
             std=size * float(sure.std[i]),
-            unit=entry.place.unit,
-            meaning=entry.place.meaning,
             path=entry.place.path,
-            positive=entry.place.positive,
+            **{name: getattr(entry.place, name) for name in DECLARED},
             start=entry.start,
             lower=entry.lower,
             upper=entry.upper,

@@ -6,11 +6,12 @@ import dataclasses
 import math
 
 from jaxmuscle.estimation.profile import QUANTILE
+from jaxmuscle.parameters import Declaration
 
 
-@dataclasses.dataclass(frozen=True)
-class Fitted:
-    """One fitted value. SI.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fitted(Declaration):
+    """One fitted value (SI) of what is declared.
 
     Attributes:
         std: the largest of `independent`, `coloured`, `windows` and `states`, see
@@ -25,10 +26,7 @@ class Fitted:
 
     value: float
     std: float
-    unit: str
-    meaning: str
     path: str
-    positive: bool
     start: float
     lower: float
     upper: float

@@ -9,21 +9,23 @@ import numpy as np
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.agreement import agreed_prior, card_entry
+from jaxmuscle.estimation.agreement import agreed_prior, said_of
 from jaxmuscle.estimation.asked import Asked, Bounds, read_bounds, read_prior
 from jaxmuscle.estimation.beginnings import start_places
-from jaxmuscle.estimation.names import START, Place, columns, expanded, of_machine, places, range_of, resolve
+from jaxmuscle.estimation.names import columns, fittable, range_of
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.estimation.within import unknown_within
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameter_names import START, expanded, of_machine, resolve
+from jaxmuscle.parameters import Parameter
 from jaxmuscle.recordings.recording import Recording
 
 
 def known_places(
     actuator: AbstractActuator, recordings: Sequence[Recording], asked: Asked
-) -> list[dict[str, Place]]:
+) -> list[dict[str, Parameter]]:
     """For each recording, everything that can be fitted; initial states only if one is asked for."""
-    found = places(actuator, _ranges(actuator, recordings))
+    found = fittable(actuator, _ranges(actuator, recordings))
     if not asked.initial_states:
         return [found] * len(recordings)
     return [{**found, **start_places(actuator, recording)} for recording in recordings]
@@ -65,7 +67,7 @@ def layout(
     for name, place in chosen.items():
         groups = [(i,) for i in range(len(recordings))] if name in own else [tuple(range(len(recordings)))]
         for group in groups:
-            cards = [(labels[i], card_entry(recordings[i].card, place)) for i in group]
+            cards = [(labels[i], said_of(recordings[i].card, place)) for i in group]
             label = f"{name}[{labels[group[0]]}]" if name in own and many else name
             given = next((n for n in (label, name) if n in priors), None)
             prior = agreed_prior(name, cards) if given is None else priors[given]
@@ -77,7 +79,7 @@ def layout(
     return Unknowns(entries)
 
 
-def _start(place: Place, cards: Sequence[tuple[str, Prior | float | None]]) -> float:
+def _start(place: Parameter, cards: Sequence[tuple[str, Prior | float | None]]) -> float:
     """A recording's own parameter starts at what its card says of it."""
     entry = cards[0][1]
     return place.value if entry is None else entry.mean if isinstance(entry, Prior) else entry
@@ -91,17 +93,15 @@ def _beginning(start: float, prior: Prior | None, bounds: Bounds) -> float:
     return float(np.clip(start if prior is None else prior.mean, lower, upper))
 
 
-def _declared(known: Mapping[str, Place], recordings: Sequence[Recording]) -> dict[str, Place]:
+def _declared(known: Mapping[str, Parameter], recordings: Sequence[Recording]) -> dict[str, Parameter]:
     """What the cards call uncertain, declared effects included."""
     names: dict[str, None] = {}
     for recording in recordings:
-        names |= dict.fromkeys(recording.card.uncertain)
-        for effect, entries in recording.card.effects.items():
-            names |= {f"effects.{effect}.{n}": None for n, q in entries.items() if q.std is not None}
+        names |= {name: None for name, entry in recording.card.entries.items() if entry.std is not None}
     return _resolved(known, names, "the cards")
 
 
-def _resolved(known: Mapping[str, Place], names: Iterable[str], where: str) -> dict[str, Place]:
+def _resolved(known: Mapping[str, Parameter], names: Iterable[str], where: str) -> dict[str, Parameter]:
     if isinstance(names, str):
         raise InputError(f"{where}: expected a list of names; got the text {names!r}")
     found = [place for name in names for place in expanded(known, resolve(known, name, where))]

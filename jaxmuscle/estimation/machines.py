@@ -12,6 +12,7 @@ from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.effects import BY_NAME, is_registered
 from jaxmuscle.errors import InputError
+from jaxmuscle.parameter_names import of_effect, split_effect
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings import schema
 
@@ -51,10 +52,7 @@ def machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
     values: dict[str, Any] = dict(data["values"])
     effects = {}
     for name in data["effects"]:
-        prefix, kind = f"effects.{name}.", BY_NAME[name]
-        own = {
-            path.removeprefix(prefix): values.pop(path) for path in list(values) if path.startswith(prefix)
-        }
-        build: Any = kind
-        effects[name] = build(**own)
-    return schema.build(RIGS[data["rig"]], values, effects)
+        build: Any = BY_NAME[name]
+        effects[name] = build(**of_effect(name, values))
+    own = {path: value for path, value in values.items() if split_effect(path)[0] is None}
+    return schema.build(RIGS[data["rig"]], own, effects)

@@ -14,12 +14,12 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.fitted import Noise
 from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.names import OFFSET, of_machine
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.profile import QUANTILE
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.fitting.predictions import chain_predictions
+from jaxmuscle.parameter_names import OFFSET, of_machine
 from jaxmuscle.recordings.smooth import noise_level
 
 _chain = eqx.filter_jit(chain_predictions)

@@ -7,8 +7,8 @@ from jaxtyping import Bool
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.estimation.names import of_machine
 from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.parameter_names import of_machine
 from jaxmuscle.parameters import replace
 
 AT_BOUND = 1e-9

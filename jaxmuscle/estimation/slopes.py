@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator, Link
 from jaxmuscle.estimation.influence import Leaves, Traced, slopes_of
-from jaxmuscle.estimation.names import OFFSET, START, of_machine
 from jaxmuscle.fitting.predictions import hidden_states, link_prediction
 from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace
 from jaxmuscle.simulation import Start
 

@@ -13,6 +13,7 @@ from scipy.stats import qmc
 
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.parameter_names import EFFECTS
 
 INSIDE = 1e-3
 """Distance from a bound at which a start lies at least, in units of the scale."""
@@ -30,8 +31,9 @@ def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[np.ndarray
         return own[None]
     middles = np.array([e.prior.mean if e.prior else e.start for e in unknowns.entries])
     means = unknowns.coordinates(middles)
-    # A generator, since SciPy takes a number for another one from version to version.
-    hypercube = qmc.LatinHypercube(len(unknowns), seed=np.random.default_rng(seed))
+    # A generator, of which every version of SciPy makes the same; the argument is `rng` too from 1.15 on.
+    generator = np.random.default_rng(seed)
+    hypercube = qmc.LatinHypercube(len(unknowns), seed=generator)  # pyright: ignore[reportCallIssue]
     uniform = hypercube.random(count - 1)
     # Of what may be zero or negative a coordinate is one scale already.
     sizes = np.where(unknowns.logarithmic, unknowns.scale / np.where(middles == 0, 1.0, middles), 1.0)
@@ -77,7 +79,7 @@ def _positions(unknowns: Unknowns, name: str, where: str) -> list[int]:
 
     def names(entry: Unknown) -> tuple[str, ...]:
         place = entry.place
-        return entry.name, place.name, place.path, place.path.removeprefix("effects.")
+        return entry.name, place.name, place.path, place.path.removeprefix(EFFECTS)
 
     known = [names(entry) for entry in unknowns.entries]
     found = [i for i, own in enumerate(known) if name in own]

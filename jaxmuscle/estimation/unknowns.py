@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameters import Parameter
 
 Vector = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Unknown:
     """
 
     name: str
-    place: Place
+    place: Parameter
     recordings: tuple[int, ...]
     start: float
     lower: float

@@ -6,13 +6,19 @@ import math
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.asked import Bounds
-from jaxmuscle.estimation.names import Place, of_machine
 from jaxmuscle.estimation.unknowns import HALF, Unknown
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameter_names import of_machine
+from jaxmuscle.parameters import Parameter
 
 
 def unknown_within(
-    name: str, place: Place, recordings: tuple[int, ...], start: float, prior: Prior | None, bounds: Bounds
+    name: str,
+    place: Parameter,
+    recordings: tuple[int, ...],
+    start: float,
+    prior: Prior | None,
+    bounds: Bounds,
 ) -> Unknown:
     """An unknown that starts within its bounds.
 

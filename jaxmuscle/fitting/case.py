@@ -14,6 +14,7 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.fitting.free import Prior
 from jaxmuscle.fitting.problem import Problem, problem
 from jaxmuscle.fitting.windows import Windows, cut
+from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.track import Observed, observed
@@ -103,5 +104,5 @@ def _priors(recording: Recording, actuator: AbstractActuator) -> dict[str, Prior
     card = recording.card
     entries = {actuator.quantities[name]: quantity for name, quantity in card.uncertain.items()}
     for effect, parameters in card.effects.items():
-        entries |= {f"effects.{effect}.{name}": quantity for name, quantity in parameters.items()}
+        entries |= {effect_path(effect, name): quantity for name, quantity in parameters.items()}
     return {path: Prior(q.value, q.std) for path, q in entries.items() if q.std is not None}

@@ -17,6 +17,7 @@ from jaxmuscle.effects import BY_NAME, is_registered
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
+from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.quantity import ColumnSpec, Quantity, written_deviation, written_quantity
 from jaxmuscle.recordings.schema import AMBIENT, Need
@@ -82,6 +83,12 @@ class Card:
     def quantities(self) -> dict[str, Quantity]:
         """The known and the uncertain quantities together."""
         return {**self.known, **self.uncertain}
+
+    @property
+    def entries(self) -> dict[str, Quantity]:
+        """The quantities and the parameters of declared effects, by the names that results call them."""
+        effects = ((effect_path(e, name), q) for e, own in self.effects.items() for name, q in own.items())
+        return {**self.quantities, **dict(effects)}
 
     @property
     def ambient_pressure(self) -> float:

@@ -12,6 +12,7 @@ import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.actuators.variables import Column
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.parameters import Declaration, declared_at
 
 AMBIENT = "ambient_pressure"
 """The quantity to which gauge pressures are relative; itself always absolute."""
@@ -23,21 +24,15 @@ Rig = type[AbstractActuator]
 
 
 @dataclasses.dataclass(frozen=True)
-class Need:
+class Need(Declaration):
     """A number that a card may or must give.
 
     Attributes:
-        unit: SI unit.
-        meaning: one line in the words of the field.
-        positive: whether it has to be above zero.
         required: whether the card has to give it.
         referenced: whether it is a pressure against vacuum or ambient, which the card has to say.
         difference: whether it is a difference, of which a unit's offset is no part (degC).
     """
 
-    unit: str
-    meaning: str
-    positive: bool = False
     required: bool = True
     referenced: bool = False
     difference: bool = False
@@ -47,7 +42,7 @@ def quantities(rig: Rig) -> dict[str, Need]:
     """The quantities of a rig's card by name, in the rig's order."""
     needs = {}
     for name, path in rig.quantities.items():
-        need = _need(_field_at(rig, path), rig)
+        need = _need(declared_at(rig, path), rig)
         needs[name] = dataclasses.replace(need, referenced=need.unit == "Pa" and name != AMBIENT)
     return needs
 
@@ -105,18 +100,6 @@ def _built(cls: type[Any], tree: Mapping[str, Any]) -> Any:
     return cls(**arguments)
 
 
-def _field_at(cls: type[Any], path: str) -> dataclasses.Field[Any]:
-    *components, name = path.split(".")
-    for component in components:
-        cls = get_type_hints(cls)[component]
-    return {field.name: field for field in dataclasses.fields(cls)}[name]
-
-
 def _need(field: dataclasses.Field[Any], rig: Rig) -> Need:
-    meta = field.metadata
-    return Need(
-        unit=meta["unit"].format(**rig.units),
-        meaning=meta["meaning"],
-        positive=meta["positive"],
-        required=field.default is dataclasses.MISSING,
-    )
+    required = field.default is dataclasses.MISSING
+    return Need(**vars(Declaration.of(field, rig.units)), required=required)

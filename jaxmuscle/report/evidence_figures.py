@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from jaxmuscle.diagnosis.result import Diagnosis, Reveal, Round, Series
 from jaxmuscle.formatting import percent, printed_unit
 from jaxmuscle.report.style import AFTER, BEFORE, INK, MUTED, figure
-from jaxmuscle.report.words import words
+from jaxmuscle.report.words import parameter_words, words
 
 POINTS, BINS, SHOWN = 1500, 24, 8
 """Points of a scatter; bins of its median; candidates of a ranking that are drawn."""
@@ -82,9 +82,7 @@ def ranking_figure(search: Round) -> Figure:
 
 def correlation_figure(correlations: pd.DataFrame) -> Figure:
     """The correlations between all fitted parameters as a coloured matrix."""
-    names = [
-        words(name.removeprefix("effects.").replace(".", ": ")) for name in map(str, correlations.columns)
-    ]
+    names = [parameter_words(name) for name in map(str, correlations.columns)]
     count = len(names)
     drawing = figure(1.6 + 0.36 * count, min(3.4 + 0.62 * count, 9.2))
     axes = drawing.add_subplot()

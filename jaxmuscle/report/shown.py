@@ -14,9 +14,6 @@ from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.quantity import Quantity
 from jaxmuscle.recordings.units import from_si, scale, to_si
 
-EFFECTS = "effects."
-"""Prefix of the name of a parameter that belongs to an effect."""
-
 
 @dataclasses.dataclass(frozen=True)
 class ShownColumn:
@@ -45,23 +42,9 @@ def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
     return ShownColumn(column, formatting.pretty(spec.unit), scale(spec.unit, si), shift)
 
 
-def split_name(name: str) -> tuple[str | None, str]:
-    """(effect or `None`, parameter) of a name of `Diagnosis.parameters`."""
-    if not name.startswith(EFFECTS):
-        return None, name
-    effect, _, parameter = name.removeprefix(EFFECTS).partition(".")
-    return effect, parameter
-
-
-def card_entry(card: Card, name: str) -> Quantity | None:
-    """What the card says about a parameter, `None` when it says nothing."""
-    effect, parameter = split_name(name)
-    return card.quantities.get(parameter) if effect is None else card.effects.get(effect, {}).get(parameter)
-
-
 def shown_estimate(card: Card, name: str, estimate: Estimate) -> str:
     """A fitted parameter in the unit in which the card gives it, or in one of the right size."""
-    entry = card_entry(card, name)
+    entry = card.entries.get(name)
     if entry is None or not entry.unit:
         return formatting.estimate(estimate.value, estimate.std, estimate.unit)
     value, name_of_unit = _in_card_unit(card, entry, estimate.value, estimate.unit)
@@ -71,7 +54,7 @@ def shown_estimate(card: Card, name: str, estimate: Estimate) -> str:
 
 def shown_prior(card: Card, name: str, unit: str) -> str:
     """What the card gives for a parameter, with its standard deviation when it has one; "" without."""
-    entry = card_entry(card, name)
+    entry = card.entries.get(name)
     return "" if entry is None else shown_estimate(card, name, prior(entry, unit))
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate, Round
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.report.shown import card_entry, prior, shown_column, shown_estimate, shown_prior, split_name
-from jaxmuscle.report.words import listed, meaning, words
+from jaxmuscle.report.shown import prior, shown_column, shown_estimate, shown_prior
+from jaxmuscle.report.words import listed, meaning, parameter_words, words
 
 REACH = 4.0
 """Card deviations at which the small drawing of a parameter ends."""
@@ -78,10 +78,9 @@ def fitted(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _fitted(card: Card, name: str, estimate: Estimate) -> dict[str, Any]:
-    effect, parameter = split_name(name)
     bar = _bar(card, name, estimate)
     return {
-        "name": words(parameter) if effect is None else f"{words(effect)}: {words(parameter)}",
+        "name": parameter_words(name),
         "meaning": estimate.meaning,
         "card": shown_prior(card, name, estimate.unit),
         "value": shown_estimate(card, name, estimate),
@@ -92,7 +91,7 @@ def _fitted(card: Card, name: str, estimate: Estimate) -> dict[str, Any]:
 
 def _bar(card: Card, name: str, estimate: Estimate) -> dict[str, Any] | None:
     """Fitted value ± 2 std in deviations from the card's value; `None` where the card gives none."""
-    entry = card_entry(card, name)
+    entry = card.entries.get(name)
     if entry is None or entry.std is None or not math.isfinite(estimate.std):
         return None
     before = prior(entry, estimate.unit)
@@ -130,7 +129,7 @@ def correlation(pair: tuple[str, str, float] | None, strong: float) -> str:
     """What the strongest correlation between two parameters means, in words."""
     if pair is None:
         return ""
-    first, second = (words(name.removeprefix("effects.").replace(".", ": ")) for name in pair[:2])
+    first, second = (parameter_words(name) for name in pair[:2])
     if abs(pair[2]) > strong:
         size = f"{first} and {second} are correlated by {pair[2]:.2f}"
         return f"{size}: the recording tells a combination of them better than either alone."

@@ -5,12 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from jaxmuscle.parameter_names import EFFECTS
+
 FORMULA = re.compile(r":?\s*:math:`[^`]*`.*")
 
 
 def words(name: str) -> str:
     """``load_friction`` → load friction."""
     return name.replace("_", " ")
+
+
+def parameter_words(name: str) -> str:
+    """``effects.load_friction.force`` → load friction: force."""
+    return words(name.removeprefix(EFFECTS).replace(".", ": "))
 
 
 def capital(text: str) -> str:

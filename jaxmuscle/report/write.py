@@ -10,12 +10,12 @@ from pathlib import Path
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate
 from jaxmuscle.errors import InputError
 from jaxmuscle.files import atomic_write
+from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings.card import Card, can_declare
 from jaxmuscle.recordings.card import Estimate as CardEstimate
 from jaxmuscle.report.page import page
 from jaxmuscle.report.result_json import result
-from jaxmuscle.report.shown import EFFECTS, split_name
 
 
 def write(diagnosis: Diagnosis, folder: str | Path, report: bool = True) -> list[Path]:
@@ -67,16 +67,16 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
     # Parameters of an added effect that were not fitted are still part of it.
     found = {effect.name for effect in diagnosis.effects}
     for path, entry in parameters(diagnosis.model).items():
-        effect, name = split_name(path)
+        effect, name = split_effect(path)
         if effect is not None and effect not in holds:
             told.append(f"{path} = {entry.value} {entry.unit}".rstrip())
         elif effect in found:
             effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
     fitted = {
-        f"{EFFECTS}{e.name}.{name}": value for e in diagnosis.effects for name, value in e.parameters.items()
+        effect_path(e.name, name): value for e in diagnosis.effects for name, value in e.parameters.items()
     }
     for path, estimate in {**fitted, **diagnosis.parameters}.items():
-        effect, name = split_name(path)
+        effect, name = split_effect(path)
         if effect is None:
             values[name] = _card_estimate(estimate)
         elif effect in holds:

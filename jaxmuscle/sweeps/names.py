@@ -10,8 +10,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameters import parameters
+from jaxmuscle.errors import InputError
+from jaxmuscle.parameter_names import START, known_names, resolve
+from jaxmuscle.parameters import Parameter, parameters
 from jaxmuscle.simulation import Track
 from jaxmuscle.sweeps.bench import Bench
 from jaxmuscle.sweeps.commands import Function
@@ -20,103 +21,78 @@ LOAD = "load."
 """The load of a rig is no component of its own: its parameters stand at the machine."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Leaf:
-    """A number or an array of a bench that can be swept.
+def checked_values(parameter: Parameter, name: str, values: object) -> np.ndarray:
+    """`values` as an array with one entry a point along its first axis.
 
-    Attributes:
-        path: dotted path in the :class:`Bench`.
-        unit: SI unit.
-        meaning: one line.
-        shape: empty for a number.
-        positive, nonnegative: what its values have to be.
+    Raises:
+        InputError: another shape, not numbers, not finite, or outside the parameter's range.
     """
-
-    path: str
-    unit: str = ""
-    meaning: str = ""
-    shape: tuple[int, ...] = ()
-    positive: bool = False
-    nonnegative: bool = False
-
-    def checked(self, name: str, values: object) -> np.ndarray:
-        """`values` as an array with one entry a point along its first axis.
-
-        Raises:
-            InputError: another shape, not numbers, not finite, or outside the leaf's range.
-        """
-        try:
-            array = np.asarray(values, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"{name}: expected numbers in {self.unit or 'plain numbers'}: {error}"
-            ) from error
-        if array.ndim != 1 + len(self.shape) or array.shape[1:] != self.shape or not len(array):
-            wanted = "n" + "".join(f", {size}" for size in self.shape)
-            raise InputError(f"{name}: expected values of shape ({wanted}); got shape {array.shape}")
-        if not np.isfinite(array).all():
-            raise InputError(f"{name}: expected finite values; got {array[~np.isfinite(array)][0]}")
-        if (self.positive and array.min() <= 0) or (self.nonnegative and array.min() < 0):
-            least = "above zero" if self.positive else "zero or more"
-            raise InputError(f"{name}: has to be {least}; got {array.min():g} {self.unit}".rstrip())
-        return array
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{name}: expected numbers in {parameter.unit or 'plain numbers'}: {error}"
+        ) from error
+    shape = parameter.shape
+    if array.ndim != 1 + len(shape) or array.shape[1:] != shape or not len(array):
+        wanted = "n" + "".join(f", {size}" for size in shape)
+        raise InputError(f"{name}: expected values of shape ({wanted}); got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite values; got {array[~np.isfinite(array)][0]}")
+    if (parameter.positive and array.min() <= 0) or (parameter.nonnegative and array.min() < 0):
+        least = "above zero" if parameter.positive else "zero or more"
+        raise InputError(f"{name}: has to be {least}; got {array.min():g} {parameter.unit}".rstrip())
+    return array
 
 
-def leaf_of(bench: Bench, name: str) -> Leaf:
-    """What `name` stands for: a path of the machine, a quantity of its card, ``command.…`` or ``start.…``.
+def swept(bench: Bench, name: str) -> Parameter:
+    """What `name` stands for, with its path in the :class:`Bench`.
+
+    Args:
+        name: any of a parameter of the machine (:mod:`jaxmuscle.parameter_names`), ``command.…`` or
+            ``start.…``.
 
     Raises:
         InputError: an unknown name; the message holds the nearest one.
     """
-    known = dict(_leaves(bench))
-    if name in known:
-        return known[name]
-    if name.startswith(LOAD) and name.removeprefix(LOAD) in known:
-        return known[name.removeprefix(LOAD)]
-    if name.startswith("command.") and not callable(bench.command):
+    known = dict(_known(bench))
+    bare = name.removeprefix(LOAD)
+    if name.startswith("command.") and name not in known and not callable(bench.command):
         raise InputError(
             f"cannot sweep {name!r}: the command is a table, which has no parameters; "
             f"give a function of time, such as command=jm.commands.Sine()"
         )
-    raise InputError(f"cannot sweep {name!r}{nearest(name, known)}")
+    return resolve(known, bare if name not in known and bare in known else name, "sweep")
 
 
-def _leaves(bench: Bench) -> Iterator[tuple[str, Leaf]]:
+def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
     machine = bench.actuator
-    own = dict(_declared(machine, "actuator."))
-    yield from own.items()
-    for name, path in machine.quantities.items():
-        if path in own:
-            yield name, own[path]
+    for name, entry in known_names(machine).items():
+        yield name, _under("actuator.", entry)
     if isinstance(bench.command, Track):
         return
     if isinstance(bench.command, eqx.Module):
         units = machine.units
-        for name, leaf in _of_command(bench.command):
-            unit = re.sub(r"\{(\w+)\}", lambda found: units.get(found[1], found[0]), leaf.unit)
-            yield name, dataclasses.replace(leaf, unit=unit)
+        for name, entry in _of_command(bench.command):
+            unit = re.sub(r"\{(\w+)\}", lambda found: units.get(found[1], found[0]), entry.unit)
+            yield name, dataclasses.replace(entry, unit=unit)
     for name, value in bench.start.items():
-        unit = machine.states[name].unit
-        yield f"start.{name}", Leaf(f"start.{name}", unit, f"{name} at the start", np.shape(value))
+        path, unit = START + name, machine.states[name].unit
+        yield path, Parameter(path=path, value=value, unit=unit, meaning=f"{name} at the start")
 
 
-def _declared(model: eqx.Module, prefix: str) -> Iterator[tuple[str, Leaf]]:
-    for path, p in parameters(model).items():
-        yield (
-            path,
-            Leaf(prefix + path, p.unit, p.meaning, np.shape(p.value), bool(p.positive), bool(p.nonnegative)),
-        )
+def _under(prefix: str, entry: Parameter) -> Parameter:
+    return dataclasses.replace(entry, path=prefix + entry.path)
 
 
-def _of_command(command: eqx.Module) -> Iterator[tuple[str, Leaf]]:
+def _of_command(command: eqx.Module) -> Iterator[tuple[str, Parameter]]:
     """The parameters of a command; numbers that a user's own module holds undeclared have no unit."""
     if isinstance(command, Function):
         for name, value in command.parameters.items():
-            yield f"command.{name}", Leaf(f"command.parameters.{name}", shape=np.shape(value))
+            yield f"command.{name}", Parameter(path=f"command.parameters.{name}", value=value)
         return
-    declared = dict(_declared(command, "command."))
     for name, value in vars(command).items():
         if isinstance(value, float | int | np.ndarray | jax.Array):
-            yield f"command.{name}", Leaf(f"command.{name}", shape=np.shape(value))
-    for path, leaf in declared.items():
-        yield f"command.{path}", leaf
+            yield f"command.{name}", Parameter(path=f"command.{name}", value=value)
+    for path, entry in parameters(command).items():
+        yield f"command.{path}", _under("command.", entry)

@@ -11,12 +11,12 @@ import numpy as np
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameters import get, replace
+from jaxmuscle.parameters import Parameter, get, replace
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.units import scale, to_si
 from jaxmuscle.sweeps.bench import Bench
 from jaxmuscle.sweeps.commands import COMMANDS
-from jaxmuscle.sweeps.names import Leaf, leaf_of
+from jaxmuscle.sweeps.names import checked_values, swept
 from jaxmuscle.sweeps.setup import PREFIX, bench_of
 
 LOGARITHMIC = "log"
@@ -67,7 +67,7 @@ def commanded(card: Card, actuator: AbstractActuator, command: str, settings: Se
     bench = bench_of(actuator, {}, COMMANDS[command](), None, {})
     for text in settings:
         name, body = _split(text, "--set", SET)
-        leaf = leaf_of(bench, name)
+        leaf = swept(bench, name)
         numbers, rest = _numbers(body.split(":")[0], text, SET), body.split(":")[1:]
         values = _unit(rest, card, name, leaf, text, SET).to_si(numbers)
         # A command may differ from muscle to muscle.
@@ -76,7 +76,7 @@ def commanded(card: Card, actuator: AbstractActuator, command: str, settings: Se
         if len(values) > 1 and not each:
             raise InputError(f"--set {text}: expected {SET}, one value; got {len(values)}")
         if len(values) == 1:
-            leaf.checked(name, np.broadcast_to(values, (1, *leaf.shape)))
+            checked_values(leaf, name, np.broadcast_to(values, (1, *leaf.shape)))
             shape = leaf.shape
         bench = replace(bench, {leaf.path: jnp.broadcast_to(values if shape else values[0], shape)})
     return bench
@@ -89,7 +89,7 @@ def axis(text: str, card: Card, bench: Bench) -> Axis:
         InputError: another form, an unknown name or unit, a logarithmic axis that is not above zero.
     """
     name, body = _split(text, "--over", OVER)
-    leaf = leaf_of(bench, name)
+    leaf = swept(bench, name)
     parts = body.split(":")
     if "," in parts[0] or len(parts) < 3:
         numbers, rest = _numbers(parts[0], text, OVER), parts[1:]
@@ -125,7 +125,7 @@ def _numbers(text: str, whole: str, form: str) -> np.ndarray:
         raise InputError(f"{whole}: expected {form}; {error}") from error
 
 
-def _unit(rest: Sequence[str], card: Card, name: str, leaf: Leaf, text: str, form: str) -> Unit:
+def _unit(rest: Sequence[str], card: Card, name: str, leaf: Parameter, text: str, form: str) -> Unit:
     """The unit that is given; else the one in which the card writes the same quantity; else SI."""
     if len(rest) > 1:
         raise InputError(f"{text}: expected {form}; do not know what {':'.join(rest[1:])!r} is")
@@ -138,18 +138,12 @@ def _unit(rest: Sequence[str], card: Card, name: str, leaf: Leaf, text: str, for
     return unit
 
 
-def _in_card(card: Card, leaf: Leaf) -> tuple[str, bool]:
+def _in_card(card: Card, leaf: Parameter) -> tuple[str, bool]:
     """Unit of a leaf in the card and whether it is a gauge pressure there; SI for what it does not hold."""
     rig = RIGS[card.rig]
     owner, _, path = leaf.path.partition(".")
     if owner == "command" and leaf.unit == rig.units.get("command"):
         column = card.columns[rig.commands[0]]
         return column.unit, column.reference == "gauge" and not path.endswith("amplitude")
-    for name, quantity in card.quantities.items():
-        if rig.quantities[name] == path:
-            return quantity.unit, quantity.reference == "gauge"
-    kind, _, inner = path.partition(".")
-    effect, _, parameter = inner.partition(".")
-    if kind == "effects" and parameter in card.effects.get(effect, {}):
-        return card.effects[effect][parameter].unit, False
-    return leaf.unit, False
+    entry = card.entries.get(leaf.name)
+    return (leaf.unit, False) if entry is None else (entry.unit, entry.reference == "gauge")

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import Parameter
 from jaxmuscle.sweeps.bench import Bench
-from jaxmuscle.sweeps.names import Leaf, leaf_of
+from jaxmuscle.sweeps.names import checked_values, swept
 
 POINT = "point"
 """Dimension of a list of points."""
@@ -32,7 +33,7 @@ class Points:
     """
 
     dims: dict[str, int]
-    leaves: dict[str, Leaf]
+    leaves: dict[str, Parameter]
     values: dict[str, np.ndarray]
     along: dict[str, int]
 
@@ -86,9 +87,9 @@ def points_of(bench: Bench, over: Mapping[str, Any] | Sequence[Mapping[str, Any]
         )
     if not given:
         raise InputError("over: nothing to sweep; expected at least one name with its values")
-    leaves = {name: leaf_of(bench, name) for name in given}
+    leaves = {name: swept(bench, name) for name in given}
     _check_once(leaves)
-    values = {name: leaves[name].checked(name, given[name]) for name in given}
+    values = {name: checked_values(leaves[name], name, given[name]) for name in given}
     if isinstance(over, Mapping):
         lengths = {name: len(array) for name, array in values.items()}
         return Points(lengths, leaves, values, {name: i for i, name in enumerate(values)})
@@ -106,7 +107,7 @@ def _side_by_side(points: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     return {name: [point[name] for point in points] for name in names}
 
 
-def _check_once(leaves: Mapping[str, Leaf]) -> None:
+def _check_once(leaves: Mapping[str, Parameter]) -> None:
     seen: dict[str, str] = {}
     for name, leaf in leaves.items():
         if leaf.path in seen:

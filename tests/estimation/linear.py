@@ -3,9 +3,9 @@
 import numpy as np
 
 from jaxmuscle.estimation.fitted import Fitted
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.parameters import Parameter
 
 ROWS = 400
 TIME = np.arange(ROWS) / ROWS
@@ -17,7 +17,7 @@ STD = np.sqrt(np.diag(np.linalg.inv(SLOPES @ SLOPES.T)))
 
 def unknowns(prior=None, lower=-np.inf, upper=np.inf):
     """The level, with a prior and bounds, and the trend."""
-    places = [Place(name, name, 0.0, "", "") for name in ("level", "trend")]
+    places = [Parameter(path=name, value=0.0) for name in ("level", "trend")]
     level = Unknown("level", places[0], (0,), 0.0, lower, upper, 1.0, prior)
     return Unknowns([level, Unknown("trend", places[1], (0,), 0.0, -np.inf, np.inf, 1.0)])
 

@@ -13,9 +13,10 @@ from jaxmuscle.estimation.agreement import agreed_prior, conditions, labels
 from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.missing import LONGEST_BRIDGE, usable
-from jaxmuscle.estimation.names import places, resolve
+from jaxmuscle.estimation.names import fittable
 from jaxmuscle.estimation.starts import given_starts
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameter_names import column_of_offset, resolve
 from jaxmuscle.parameters import get
 
 
@@ -231,12 +232,12 @@ def test_names_of_recordings():
 
 def test_names_of_parameters(actuator):
     bent = actuator.with_effects(creep=jm.effects.Creep())
-    known = places(bent, {"force": 200.0})
+    known = fittable(bent, {"force": 200.0})
     same = ("end_factor", "muscle.end_factor"), ("effects.creep.stiffness", "creep.stiffness")
     for one, other in same:
         assert resolve(known, one, "free") == resolve(known, other, "free")
     assert resolve(known, "offset.force", "free").typical == 2.0
-    assert resolve(known, "offset.force", "free").column == "force"
+    assert column_of_offset(resolve(known, "offset.force", "free").path) == "force"
 
 
 def test_free_by_default_is_what_is_uncertain(recording):

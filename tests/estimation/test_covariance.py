@@ -8,10 +8,10 @@ from jaxmuscle.estimation.correlation import coloured_meat, memory
 from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.lags import autocovariance
 from jaxmuscle.estimation.losses import LOSSES, Squares, Student
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS = 1200, 24
 TIME = np.arange(ROWS) / ROWS
@@ -27,7 +27,7 @@ def filtered(above, below, series):
 
 def unknowns(prior=None, count=3):
     """`count` entries on one recording, unbounded, of scale 1."""
-    place = [Place(f"p{i}", f"p{i}", 0.0, "", "") for i in range(count)]
+    place = [Parameter(path=f"p{i}", value=0.0) for i in range(count)]
     return Unknowns([Unknown(p.name, p, (0,), 0.0, -np.inf, np.inf, 1.0, prior) for p in place])
 
 

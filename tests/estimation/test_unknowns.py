@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.stats import norm, qmc
 
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.starts import spread_starts
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
 from jaxmuscle.fitting.free import Prior
+from jaxmuscle.parameters import Parameter
 
 
 def two(prior, **more):
     """A positive entry and one that may be negative."""
-    area = Place("area", "area", 2e-6, "m^2", "", positive=True)
-    shift = Place("shift", "shift", 0.0, "m", "")
+    area = Parameter(path="area", value=2e-6, unit="m^2", positive=True)
+    shift = Parameter(path="shift", value=0.0, unit="m")
     high = more.get("upper", np.inf)
     return Unknowns(
         [
@@ -55,14 +55,15 @@ def test_starts_fill_the_prior_evenly():
 
 def test_starts_are_those_of_scipy():
     """Seeded as NumPy's own generator, which gives the same numbers in every version of SciPy."""
-    shares = qmc.LatinHypercube(2, seed=np.random.default_rng(5)).random(6)
+    generator = np.random.default_rng(5)
+    shares = qmc.LatinHypercube(2, seed=generator).random(6)  # pyright: ignore[reportCallIssue]
     points = spread_starts(two(Prior(2e-6, 4e-7)), 7, seed=5)[1:]
     expected = norm.ppf(shares) * [0.2, 1.0] + [np.log(2e-6), 0.0]
     np.testing.assert_allclose(points, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_starts_about_a_prior_of_mean_zero():
-    place = Place("shift", "shift", 0.0, "m", "")
+    place = Parameter(path="shift", value=0.0, unit="m")
     vector = Unknowns([Unknown("shift", place, (0,), 0.0, -np.inf, np.inf, 2e-3, Prior(0.0, 2e-3))])
     values = vector.values(spread_starts(vector, 101, seed=0))[1:, 0]
     assert values.mean() == pytest.approx(0.0, abs=2e-4) and values.std() == pytest.approx(2e-3, rel=0.1)
