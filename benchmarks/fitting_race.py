@@ -30,7 +30,8 @@ from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import Limits
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.objective import Local, Objective
+from jaxmuscle.estimation.lane import Local
+from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.slopes import residual_vector
 from jaxmuscle.estimation.stations import station
 from jaxmuscle.parameters import get

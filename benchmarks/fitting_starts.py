@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from jaxmuscle.cores import cores
 from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import Limits
-from jaxmuscle.estimation.objective import Local, Objective
+from jaxmuscle.estimation.lane import Local
+from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.search import side_by_side
 
 MANY_RUNS = 3

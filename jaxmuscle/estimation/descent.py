@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits
+from jaxmuscle.estimation.lane import BUDGET, FAILED, Course, Lane, Limits, Local
 from jaxmuscle.estimation.marquardt import advance
-from jaxmuscle.estimation.objective import Local
 
 
 def descend(
@@ -43,7 +42,7 @@ def descend(
             break
         trials = [lane.trial for lane in active if lane.trial is not None]
         for lane, local in zip(active, evaluate(np.stack(trials)), strict=True):
-            advance(lane, local, limits)
+            (limits.solver or advance)(lane, local, limits)
         active = [lane for lane in active if lane.trial is not None]
         begun = sum(lane.local is not None or lane.code == FAILED for lane in lanes)
         best = min((lane.cost for lane in lanes if lane.code != FAILED), default=np.inf)

@@ -1,15 +1,16 @@
-"""One start of a fit on its way down, and what limits all of them."""
+"""One start of a minimisation: how far it has come, what is known there, and what limits all starts."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import NDArray
-
-from jaxmuscle.estimation.objective import Local
 
 Vector = NDArray[np.float64]
 
@@ -17,6 +18,22 @@ CONVERGED, STALLED, STEPS, BUDGET, FAILED = "converged", "stalled", "steps", "bu
 """How a descent ended: at a minimum; where no step lowers the cost; out of steps; out of time; nowhere."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Local:
+    """Cost, gradient and Gauss-Newton matrix at one point; how many predictions are not numbers there."""
+
+    cost: float
+    gradient: Float[np.ndarray, " k"]
+    matrix: Float[np.ndarray, "k k"]
+    broken: int
+
+    @property
+    def finite(self) -> bool:
+        """Whether cost, gradient and matrix are numbers."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return math.isfinite(self.cost + self.gradient.sum() + self.matrix.sum())
 
 
 @dataclasses.dataclass(eq=False)
@@ -29,6 +46,8 @@ class Lane:
         radius, size: longest step that is trusted and the last one, each coordinate in units of the largest
             curvature so far, which is `curvature`.
         expected: fall of the cost that the quadratic model promises of the trial.
+        costs: of the best point so far, after each evaluation.
+        memory: what a solver other than our own keeps from one step to the next.
     """
 
     start: Vector
@@ -45,11 +64,22 @@ class Lane:
     steps: int = 0
     rejected: int = 0
     costs: list[float] = dataclasses.field(default_factory=list)
+    memory: Any = None
 
     @property
     def cost(self) -> float:
         """Cost at the best point so far."""
         return np.inf if self.local is None else self.local.cost
+
+    def end(self, code: str) -> None:
+        """Try nothing more; a point at which predictions are not numbers has failed."""
+        self.trial, self.code = None, code
+        if self.local is not None and self.local.broken:
+            self.fail("predictions that are not numbers at its end")
+
+    def fail(self, reason: str) -> None:
+        """Give up; the reason is told to the user."""
+        self.trial, self.code, self.reason = None, FAILED, reason
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,10 +94,33 @@ class Course:
 
 
 @dataclasses.dataclass(frozen=True)
+class Tolerances:
+    """When a descent of our own ends; costs are per mean square residual, which is at least `exact`.
+
+    The defaults are those of a fit to noisy data, whose residuals are in units of the noise.
+
+    Attributes:
+        near: fall of the cost that the quadratic model expects at most at a minimum. By default 0.05
+            standard deviations away.
+        noticeable, patience: fall of the cost that so many steps, taken or rejected, have to bring.
+        exact: mean square residual below which a fit counts as exact.
+    """
+
+    near: float = 1e-3
+    noticeable: float = 0.02
+    patience: int = 8
+    exact: float = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
 class Limits:
     """Bounds of the coordinates, steps of a lane, lanes at a time, and when to stop (`time.monotonic`).
 
-    `reach`: how far a coordinate may go in one step, relative to the longest step of a logarithm.
+    Attributes:
+        samples: number of residuals, by which the cost is judged.
+        reach: how far a coordinate may go in one step, relative to the longest step of a logarithm.
+        solver: what takes the outcome of a trial into its lane and sets the next trial, or the end; our own
+            trust region (`marquardt.advance`) when `None`.
     """
 
     lower: Vector
@@ -77,6 +130,8 @@ class Limits:
     deadline: float = np.inf
     samples: int = 1
     reach: Vector | float = 1.0
+    tolerances: Tolerances = Tolerances()
+    solver: Callable[[Lane, Local, Limits], None] | None = None
 
     @cached_property
     def longest(self) -> Vector:

@@ -6,63 +6,52 @@ Gauss-Newton step goes all the way along directions that the data hardly tell.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.lane import CONVERGED, FAILED, STALLED, STEPS, Lane, Limits
-from jaxmuscle.estimation.objective import Local
+from jaxmuscle.estimation.lane import CONVERGED, STALLED, STEPS, Lane, Limits, Local
 from jaxmuscle.estimation.quadratic import Quadratic
 
 Vector = NDArray[np.float64]
 
 FIRST_DAMPING = 1e-2
 """Damping of the first step, relative to the diagonal of the Gauss-Newton matrix: it sets the radius."""
-NEAR = 1e-3
-"""Expected fall of the cost, per mean square residual, at a minimum: 0.05 standard deviations away."""
-EXACT = 1e-6
-"""Mean square residual, in units of the noise, below which a fit counts as exact."""
 REJECTIONS = 10
 """Steps rejected in a row after which no further one is tried."""
-PATIENCE = 8
-"""Steps, taken or rejected, over which the cost has to fall noticeably."""
-NOTICEABLE = 0.02
-"""Fall of the cost over them, per mean square residual, that is."""
 POOR, GOOD = 0.25, 0.75
 """Fall of the cost over what was expected, below which a radius shrinks and above which it grows."""
 SHRINK, GROW = 0.25, 2.0
 """Factors by which a radius shrinks, relative to the step, and grows."""
+RESOLUTION = 1e-11
+"""Step of a coordinate, relative to it and to 1, that is rounding."""
 FILLED = 0.9
 """Part of its radius from which a step has been kept short by it."""
 
 
 def advance(lane: Lane, local: Local, limits: Limits) -> None:
     """Take the outcome of a trial into a lane and decide on its next one, or on its end."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        finite = math.isfinite(local.cost + local.gradient.sum() + local.matrix.sum())
     if lane.local is None:
         lane.trial, lane.local = None, local
-        if not finite or local.broken > 0.5 * limits.samples:
-            _fail(lane, "no finite prediction at its start")
+        if not local.finite or local.broken > 0.5 * limits.samples:
+            lane.fail("no finite prediction at its start")
             return
         lane.curvature = local.matrix.diagonal().copy()
-    elif not _accepted(lane, local, finite):
+    elif not _accepted(lane, local):
         lane.rejected += 1
     lane.costs.append(lane.cost)
     if lane.rejected >= REJECTIONS or _tired(lane, limits):
-        _end(lane, STALLED)
+        lane.end(STALLED)
         return
     if lane.steps >= limits.steps:
-        _end(lane, STEPS)
+        lane.end(STEPS)
         return
     _propose(lane, limits)
 
 
-def _accepted(lane: Lane, local: Local, finite: bool) -> bool:
+def _accepted(lane: Lane, local: Local) -> bool:
     assert lane.local is not None and lane.trial is not None and lane.curvature is not None
     lane.steps += 1
-    gain = lane.local.cost - local.cost if finite else -np.inf
+    gain = lane.local.cost - local.cost if local.finite else -np.inf
     ratio = gain / lane.expected if lane.expected > 0 else -np.inf
     if ratio < POOR:
         lane.radius = SHRINK * lane.size
@@ -77,14 +66,15 @@ def _accepted(lane: Lane, local: Local, finite: bool) -> bool:
 
 def _tired(lane: Lane, limits: Limits) -> bool:
     """Whether the cost has hardly fallen for a while: it is rugged, and its slopes lead nowhere."""
-    if len(lane.costs) <= PATIENCE:
+    patience, noticeable = limits.tolerances.patience, limits.tolerances.noticeable
+    if len(lane.costs) <= patience:
         return False
-    return lane.costs[-1 - PATIENCE] - lane.cost < NOTICEABLE * _scale(lane, limits)
+    return lane.costs[-1 - patience] - lane.cost < noticeable * scale(lane, limits)
 
 
-def _scale(lane: Lane, limits: Limits) -> float:
-    """Mean square residual in units of the noise."""
-    return max(2 * lane.cost / max(limits.samples, 1), EXACT)
+def scale(lane: Lane, limits: Limits) -> float:
+    """Mean square residual at the best point so far, in which changes of the cost are judged."""
+    return max(2 * lane.cost / max(limits.samples, 1), limits.tolerances.exact)
 
 
 def _propose(lane: Lane, limits: Limits) -> None:
@@ -94,8 +84,8 @@ def _propose(lane: Lane, limits: Limits) -> None:
     stuck = ((lane.u <= limits.lower) & (g > 0)) | ((lane.u >= limits.upper) & (g < 0))
     free = ~(lane.held | stuck) & (matrix.diagonal() > 0)
     model = Quadratic(matrix[free][:, free], g[free], np.sqrt(lane.curvature[free])) if free.any() else None
-    if model is None or model.fall <= NEAR * _scale(lane, limits):
-        _end(lane, CONVERGED)
+    if model is None or model.fall <= limits.tolerances.near * scale(lane, limits):
+        lane.end(CONVERGED)
         return
     first = lane.radius == np.inf
     best = model.damped(FIRST_DAMPING) if first else model.within(lane.radius)
@@ -104,17 +94,10 @@ def _propose(lane: Lane, limits: Limits) -> None:
     step = np.minimum(np.maximum(step, -limits.longest), limits.longest)
     lane.trial = np.minimum(np.maximum(lane.u + step, limits.lower), limits.upper)
     moved = lane.trial - lane.u
+    if not lane.rejected and (np.abs(moved) <= RESOLUTION * (1 + np.abs(lane.u))).all():
+        lane.end(CONVERGED)
+        return
     lane.size = float(np.sqrt(moved**2 @ lane.curvature))
     lane.radius = lane.size if first else lane.radius
     # Clipped at a bound, a step need not go downhill: it is then rejected, and a shorter one is.
     lane.expected = float(-(g @ moved) - 0.5 * moved @ matrix @ moved)
-
-
-def _end(lane: Lane, code: str) -> None:
-    lane.trial, lane.code = None, code
-    if lane.local is not None and lane.local.broken:
-        _fail(lane, "predictions that are not numbers at its end")
-
-
-def _fail(lane: Lane, reason: str) -> None:
-    lane.trial, lane.code, lane.reason = None, FAILED, reason

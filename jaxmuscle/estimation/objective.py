@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.divided import Arrays, divided
+from jaxmuscle.estimation.lane import Local
 from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.slopes import moved, values_and_slopes
 from jaxmuscle.estimation.stations import Station
@@ -21,16 +22,6 @@ from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.residuals import BROKEN
 
 Vector = NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True)
-class Local:
-    """Cost, gradient and Gauss-Newton matrix at one point; how many predictions are not numbers there."""
-
-    cost: float
-    gradient: Float[np.ndarray, " k"]
-    matrix: Float[np.ndarray, "k k"]
-    broken: int
 
 
 @dataclasses.dataclass(frozen=True)

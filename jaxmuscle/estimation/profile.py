@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import CONVERGED, STALLED, Lane, Limits
-from jaxmuscle.estimation.objective import Local
+from jaxmuscle.estimation.lane import CONVERGED, STALLED, Lane, Limits, Local
 from jaxmuscle.estimation.unknowns import Unknowns
 
 OPEN_STEP = 0.2

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for models of hysteresis and other algebraic ones: every number of a module is free."""
+"""Least squares for models of hysteresis and other algebraic ones: every number of a module is free."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.lane import LONGEST_STEP
+from jaxmuscle.estimation.least_squares import least_squares, with_jacobian
 from jaxmuscle.hysteresis.base import AbstractHysteresis, respond
 from jaxmuscle.parameters import get, parameters, replace
 
@@ -21,9 +21,6 @@ Model = TypeVar("Model", bound=eqx.Module)
 Hysteresis = TypeVar("Hysteresis", bound=AbstractHysteresis)
 
 Series = ArrayLike | Sequence[float]
-
-TOLERANCE = 1e-9
-STEPS = 300
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,35 +91,39 @@ def best_fit(
     if not free:
         raise InputError("all parameters are held: there is nothing to fit")
     ends = [_solved(start, tuple(free), residuals, data) for start in starts]
-    costs = [float(jnp.sum(left**2)) for _, left, _ in ends]
-    best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
-    model, left, converged = ends[best]
-    return LoopFit(model, left, float(np.sqrt(np.mean(np.asarray(left) ** 2))), bool(converged))
+    return min(ends, key=lambda end: end.rmse if np.isfinite(end.rmse) else np.inf)
 
 
-@eqx.filter_jit
 def _solved(
     start: Model, free: tuple[str, ...], residuals: Callable[[Model, Any], Array], data: Any
-) -> tuple[Model, Array, Array]:
-    """The fitted model, its residuals, and whether the solver says it has converged."""
-    first = {path: get(start, path) for path in free}
-    positive = {path: parameters(start)[path].positive for path in free}
+) -> LoopFit[Model]:
+    """The best end from one start."""
+    known = parameters(start)
+    sizes = [np.size(get(start, path)) for path in free]
+    longest = np.repeat([LONGEST_STEP if known[path].positive else np.inf for path in free], sizes)
+    function = with_jacobian(_moved_residuals, (start, free, residuals, data))
+    found = least_squares(function, np.zeros(sum(sizes)), longest=longest)
+    left = jnp.asarray(function(found.x)[0])
+    rmse = float(np.sqrt(2 * found.cost / found.residuals))
+    return LoopFit(_moved(start, free, jnp.asarray(found.x)), left, rmse, found.converged)
 
-    def moved(z: dict[str, Array]) -> Model:
-        return replace(start, {path: _value(first[path], z[path], positive[path]) for path in free})
 
-    solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
-    solution = optx.least_squares(
-        lambda z, data: residuals(moved(z), data),
-        solver,
-        jax.tree.map(jnp.zeros_like, first),
-        data,
-        options={"jac": "fwd"},
-        max_steps=STEPS,
-        throw=False,
-    )
-    model = moved(solution.value)
-    return model, residuals(model, data), solution.result == optx.RESULTS.successful
+def _moved_residuals(
+    z: Float[Array, " k"], task: tuple[Model, tuple[str, ...], Callable[[Model, Any], Array], Any]
+) -> Array:
+    start, free, residuals, data = task
+    return residuals(_moved(start, free, z), data)
+
+
+def _moved(start: Model, free: tuple[str, ...], z: Float[Array, " k"]) -> Model:
+    """The model with the parameters at coordinates that are 0 at its start."""
+    values, begin = {}, 0
+    for path in free:
+        first = jnp.asarray(get(start, path))
+        part = z[begin : begin + first.size].reshape(first.shape)
+        values[path] = _value(first, part, parameters(start)[path].positive)
+        begin += first.size
+    return replace(start, values)
 
 
 def _value(first: Array, z: Array, positive: bool) -> Array:

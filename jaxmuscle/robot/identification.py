@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.least_squares import least_squares, with_jacobian
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.propagator import propagator
 
@@ -90,31 +90,18 @@ def identify(command: ArrayLike, angle: ArrayLike, step: float) -> Identified:
     data = jnp.asarray(u / scale), jnp.asarray(moved / size), jnp.asarray(step)
     base = 10 * np.pi / (len(u) * step)
     gain = moved[-1] / size / (u[-1] / scale) if u[-1] else 1.0
-    fits = [
-        least_squares(
-            lambda z: np.asarray(_residuals(z, *data)),
-            [np.log(base * w), np.log(zeta), gain],
-            jac=lambda z: np.asarray(_slopes(z, *data)),  # pyright: ignore
-            method="lm",
-            x_scale="jac",
-        )
-        for w, zeta in STARTS
-    ]
-    best = min(fits, key=lambda fit: fit.cost)
-    omega, zeta, gain = np.exp(best.x[0]), np.exp(best.x[1]), best.x[2] * size / scale
-    variance = 2 * best.cost / (len(u) - 3)
-    std = np.sqrt(variance * np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+    starts = np.array([[np.log(base * w), np.log(zeta), gain] for w, zeta in STARTS])
+    best = least_squares(with_jacobian(_residuals, data), starts)
+    units = np.array([np.exp(best.x[0]), np.exp(best.x[1]), size / scale])
+    omega, zeta, gain = units * [1.0, 1.0, best.x[2]]
     system = SecondOrder(*map(jnp.asarray, (omega, zeta, gain)))
     rmse = size * np.sqrt(2 * best.cost / len(u))
-    return Identified(system, std * np.array([omega, zeta, size / scale]), float(rmse))
+    return Identified(system, np.sqrt(np.diag(best.covariance)) * units, float(rmse))
 
 
-@jax.jit
-def _residuals(z: Array, command: Series, moved: Series, step: Scalar) -> Series:
+def _residuals(z: Array, data: tuple[Series, Series, Scalar]) -> Series:
+    command, moved, step = data
     return SecondOrder(jnp.exp(z[0]), jnp.exp(z[1]), z[2]).response(command, step) - moved
-
-
-_slopes = jax.jit(jax.jacfwd(_residuals))
 
 
 def _check(command: np.ndarray, angle: np.ndarray) -> None:

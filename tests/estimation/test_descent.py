@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import BUDGET, CONVERGED, FAILED, STALLED, STEPS, Limits, best
+from jaxmuscle.estimation.lane import BUDGET, CONVERGED, FAILED, STALLED, STEPS, Limits, Local, best
 from jaxmuscle.estimation.marquardt import FIRST_DAMPING
-from jaxmuscle.estimation.objective import Local
 
 FREE = Limits(np.full(2, -np.inf), np.full(2, np.inf), 200, 3, samples=2)
 
