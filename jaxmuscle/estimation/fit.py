@@ -22,6 +22,7 @@ from jaxmuscle.estimation.kept import as_settings
 from jaxmuscle.estimation.lane import Course
 from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.losses import loss_named
+from jaxmuscle.estimation.optimistix_solver import steps_by
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
 from jaxmuscle.recordings.recording import Recording
@@ -49,6 +50,7 @@ def fit(
     budget: float | None = None,
     steps: int = 50,
     seed: int = 0,
+    solver: object = None,
     progress: Callable[[str], None] = _silent,
 ) -> FitResult:
     """Fit parameters of a machine and of the sensors to one or more recordings of its rig.
@@ -82,10 +84,15 @@ def fit(
             A rig of your own takes part when it hands `held.widening` to `slip_of_mass`.
         budget: seconds of search, after which the best so far is returned; compilation is not interrupted.
         steps, seed: most steps of a start; seed of the Latin hypercube.
+        solver: of optimistix, for least squares (``optimistix.LevenbergMarquardt(rtol=1e-3, atol=1e-3)``,
+            ``Dogleg``, ``GaussNewton``) or a minimiser that takes gradients (``optimistix.BFGS``); our own
+            trust region when `None`. Its tolerances are of parameters in their standard deviations. Starts,
+            bounds, budget and failures are treated alike; a value at a bound is one there.
         progress: called with a line of text at every iteration.
 
     Raises:
-        InputError: an unknown parameter, contradictory priors or bounds, too few data, all starts failed.
+        InputError: an unknown parameter, contradictory priors or bounds, too few data, all starts failed,
+            a solver that does not step by derivatives.
     """
     require_double_precision("a fit")
     begin = time.monotonic()
@@ -93,11 +100,11 @@ def fit(
     steps, seed = checked.whole(steps, "steps", 1), checked.whole(seed, "seed", 0)
     deadline = begin + checked.seconds(budget, "budget")
     asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
-    rule = loss_named(loss)
+    rule, by = loss_named(loss), None if solver is None else steps_by(solver)
     objective = prepared(actuator, given, asked, masks, noise, rule)
     points = begun_at(objective.unknowns, starts, seed)
     told = _teller(progress, begin)
-    task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation)
+    task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation, by)
     settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
     wanted = profiled(actuator, given, asked, {entry.place.name for entry in objective.unknowns.entries})
     return conclude(search(task), actuator, wanted, settings, progress, begin)

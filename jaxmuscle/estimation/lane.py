@@ -71,6 +71,14 @@ class Lane:
         """Cost at the best point so far."""
         return np.inf if self.local is None else self.local.cost
 
+    def begin(self, local: Local, limits: Limits) -> bool:
+        """Take in what is known at the start; whether there is anything to descend on."""
+        self.trial, self.local = None, local
+        if local.finite and local.broken <= 0.5 * limits.samples:
+            return True
+        self.fail("no finite prediction at its start")
+        return False
+
     def end(self, code: str) -> None:
         """Try nothing more; a point at which predictions are not numbers has failed."""
         self.trial, self.code = None, code

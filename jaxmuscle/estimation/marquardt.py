@@ -31,9 +31,7 @@ FILLED = 0.9
 def advance(lane: Lane, local: Local, limits: Limits) -> None:
     """Take the outcome of a trial into a lane and decide on its next one, or on its end."""
     if lane.local is None:
-        lane.trial, lane.local = None, local
-        if not local.finite or local.broken > 0.5 * limits.samples:
-            lane.fail("no finite prediction at its start")
+        if not lane.begin(local, limits):
             return
         lane.curvature = local.matrix.diagonal().copy()
     elif not _accepted(lane, local):

@@ -66,7 +66,8 @@ class FitResult(FitData):
     def refit(self, recordings: Recording | Sequence[Recording], **changes: Any) -> FitResult:
         """Fit again from the fitted values, with the same settings and masks except for `changes`.
 
-        `starts` and `budget` are not kept: there is one start, where this fit ended, and no limit in time.
+        `starts`, `budget` and `solver` are not kept: there is one start, where this fit ended, no limit in
+        time, and our own solver.
         """
         settings = {**self.settings, **changes}
         if "starts" not in changes:

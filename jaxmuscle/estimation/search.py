@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmuscle.estimation.distinct import descend_distinct, ends, winner_of
-from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits
+from jaxmuscle.estimation.lane import BUDGET, Course, Lane, Limits, Local
 from jaxmuscle.estimation.loosened import loosened
 from jaxmuscle.estimation.noise import with_estimated_noise
 from jaxmuscle.estimation.objective import Objective
@@ -39,6 +39,7 @@ class Search:
     Attributes:
         estimate: take the noise from the residuals.
         continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
+        solver: in place of our own, see `lane.Limits`.
     """
 
     objective: Objective
@@ -48,6 +49,7 @@ class Search:
     estimate: bool
     tell: Tell
     continuation: tuple[float, ...] = ()
+    solver: Callable[[Lane, Local, Limits], None] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,4 +135,6 @@ def _limits(task: Search) -> Limits:
     lanes = min(len(task.points), MOST_LANES)
     lower, upper = objective.unknowns.lower, objective.unknowns.upper
     reach = objective.unknowns.reach
-    return Limits(lower, upper, task.steps, lanes, task.deadline, objective.samples, reach)
+    return Limits(
+        lower, upper, task.steps, lanes, task.deadline, objective.samples, reach, solver=task.solver
+    )
