@@ -98,11 +98,11 @@ def _solved(
     start: Model, free: tuple[str, ...], residuals: Callable[[Model, Any], Array], data: Any
 ) -> LoopFit[Model]:
     """The best end from one start."""
-    known = parameters(start)
-    sizes = [np.size(get(start, path)) for path in free]
-    longest = np.repeat([LONGEST_STEP if known[path].positive else np.inf for path in free], sizes)
+    values = [np.asarray(get(start, path)) for path in free]
+    # Of what is zero at the start nobody knows how large it is.
+    longest = np.repeat([LONGEST_STEP if x.any() else np.inf for x in values], [x.size for x in values])
     function = with_jacobian(_moved_residuals, (start, free, residuals, data))
-    found = least_squares(function, np.zeros(sum(sizes)), longest=longest)
+    found = least_squares(function, np.zeros(len(longest)), longest=longest)
     left = jnp.asarray(function(found.x)[0])
     rmse = float(np.sqrt(2 * found.cost / found.residuals))
     return LoopFit(_moved(start, free, jnp.asarray(found.x)), left, rmse, found.converged)
