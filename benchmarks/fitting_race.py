@@ -27,10 +27,9 @@ from scipy.optimize import least_squares
 from jaxmuscle.estimation.arguments import prepared
 from jaxmuscle.estimation.asked import Asked
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import Limits
+from jaxmuscle.estimation.lane import Limits, Local
 from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.lane import Local
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.slopes import residual_vector
 from jaxmuscle.estimation.stations import station

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.cores import cores
 from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import Limits
-from jaxmuscle.estimation.lane import Local
+from jaxmuscle.estimation.lane import Limits, Local
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.search import side_by_side
 

@@ -117,7 +117,8 @@ def least_squares(
     lowest = best(descend(evaluate, points, limits))
     if lowest is None or lowest.local is None:
         raise InputError(
-            f"at none of {len(points)} starts are all residuals and their derivatives numbers; start elsewhere"
+            f"at none of {len(points)} starts are all residuals and their derivatives numbers; "
+            "start elsewhere"
         )
     at_bound = (lowest.u <= below) | (lowest.u >= above)
     return LeastSquares(

@@ -202,7 +202,7 @@ def _trial(state: Any) -> Any:
 
 
 def _function(solver: Any) -> Callable[[Array, Any], tuple[Array, None]]:
-    """Residuals r + J (y - point), or half the sum of their squares: all that a solver sees, at that point."""
+    """Residuals r + J (y - point), or half the sum of their squares: what a solver sees, at that point."""
 
     def residuals(y: Array, given: tuple[Array, Array, Array]) -> tuple[Array, None]:
         point, residual, jacobian = given

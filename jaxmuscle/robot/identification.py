@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.least_squares import least_squares, with_jacobian
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.propagator import propagator
 
@@ -83,6 +82,9 @@ def identify(command: ArrayLike, angle: ArrayLike, step: float) -> Identified:
     Raises:
         InputError: fewer than ten samples, lengths that differ, a command or angle that never changes.
     """
+    # Here, as the minimiser's folder loads machines, and these load this module.
+    from jaxmuscle.estimation.least_squares import least_squares, with_jacobian
+
     u, measured = np.asarray(command, dtype=float), np.asarray(angle, dtype=float)
     _check(u, measured)
     moved = measured - measured[0]
