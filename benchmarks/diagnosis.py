@@ -3,6 +3,9 @@
 Scored are the effect that was added first, the verdict ("complete" where nothing is missing, "unexplained"
 where the cause is outside the rig's catalogue, else "effects found"), and effects added that are not there.
 The truth (NAME.truth.json beside NAME.csv) is read here, after the diagnosis, for scoring only.
+
+With `--profile` tables tell instead where the time of each diagnosis goes: the sample `lift` alone unless
+recordings are asked for by `--only`.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+from diagnosis_profile import profiled, written
 from diagnosis_score import VERDICTS, score, totals
 
 import jaxmuscle as jm
@@ -64,12 +68,25 @@ def line(row: dict[str, Any]) -> str:
     )
 
 
+def profiles(paths: list[Path]) -> int:
+    """Print where the time of a diagnosis goes, from nothing compiled, recording after recording."""
+    for path in paths:
+        jax.clear_caches()
+        profile, _ = profiled(path)
+        print(written(path.stem, profile), end="\n\n", flush=True)
+    return 0
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=PRACTICE)
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     parser.add_argument("--only", nargs="*", help="stems of the recordings to take")
+    parser.add_argument("--profile", action="store_true", help="where the time goes, in tables; no score")
     arguments = parser.parse_args()
+    if arguments.profile:
+        stems = arguments.only or []
+        return profiles([arguments.folder / f"{stem}.csv" for stem in stems] or [jm.sample("lift")])
     paths = sorted(p for p in arguments.folder.glob("*.csv") if p.with_suffix(".truth.json").exists())
     if not paths:
         print(f"no recordings with a truth in {arguments.folder}", file=sys.stderr)
