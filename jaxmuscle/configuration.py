@@ -10,9 +10,11 @@ from collections.abc import Mapping
 from importlib.machinery import ModuleSpec
 from importlib.metadata import version
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from jaxmuscle import compile_cache as programs
 from jaxmuscle.errors import InputError
 from jaxmuscle.xla_options import Environment, add_options, needed, present, remove_options
 
@@ -30,15 +32,22 @@ class Configuration:
         xla_options: options of this package in ``XLA_FLAGS``; none but for jaxlib 0.10.
         jaxlib: the installed release.
         tested: whether the package was tested with that release.
+        compile_cache: folder in which JAX keeps compiled programs, this package's or the user's own.
     """
 
     x64: bool
     xla_options: tuple[str, ...]
     jaxlib: str
     tested: bool
+    compile_cache: Path | None = None
 
 
-def configure(*, x64: bool | None = None, xla_options: bool | None = None) -> Configuration:
+def configure(
+    *,
+    x64: bool | None = None,
+    xla_options: bool | None = None,
+    compile_cache: bool | str | Path | None = None,
+) -> Configuration:
     """Say what importing the package set in JAX and XLA, and switch it.
 
     ``import jaxmuscle`` switches JAX to double precision, for all JAX code of the process: arrays of other
@@ -47,13 +56,22 @@ def configure(*, x64: bool | None = None, xla_options: bool | None = None) -> Co
     options for loops on a CPU into ``XLA_FLAGS`` (:mod:`jaxmuscle.xla_options`), which processes begun by
     this one inherit. Who sets ``JAX_ENABLE_X64`` or one of the options before the import keeps what he set.
 
+    Compiled programs are kept for the next process if that is asked for: the command line program does,
+    which halves the processor time of its second diagnosis; an import does not, because JAX would keep the
+    programs of all code of the process, and write files. Who has set ``JAX_COMPILATION_CACHE_DIR``, or
+    ``JAX_ENABLE_COMPILATION_CACHE=false``, keeps what he set.
+
     Args:
         x64: switch double precision on or off. Without it simulations are single, and fits and diagnoses
             refuse to begin. Arrays that exist already keep their precision.
         xla_options: add the options or take them out again; before JAX has computed anything.
+        compile_cache: have JAX keep compiled programs in the user's cache folder (``~/.cache/jaxmuscle`` on
+            Linux) or in a folder of your own, or end that. Nobody else may write there: programs are run as
+            they are found.
 
     Raises:
-        InputError: the options are to change, but JAX has already computed something.
+        InputError: the options are to change, but JAX has already computed something; the folder that was
+            given for programs cannot be written.
     """
     import jax
 
@@ -61,12 +79,17 @@ def configure(*, x64: bool | None = None, xla_options: bool | None = None) -> Co
         jax.config.update("jax_enable_x64", x64)
     if xla_options is not None:
         _switch_options(xla_options, jax)
+    if compile_cache is False:
+        programs.switch_off(jax)
+    elif compile_cache is not None:
+        programs.switch_on(jax, None if compile_cache is True else Path(compile_cache))
     release = version("jaxlib")
     return Configuration(
         bool(jax.config.read("jax_enable_x64")),
         present(os.environ),
         release,
         release.startswith(TESTED),
+        programs.in_use(jax),
     )
 
 

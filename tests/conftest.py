@@ -1,10 +1,18 @@
 """What all tests share."""
 
+import os
 import signal
 from pathlib import Path
 
 import jax
 import pytest
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """No test finds programs that an earlier run has compiled, unless a folder for them was asked for."""
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        os.environ.setdefault("JAX_ENABLE_COMPILATION_CACHE", "false")
+        jax.config.update("jax_enable_compilation_cache", False)
 
 
 @pytest.fixture

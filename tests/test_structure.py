@@ -42,7 +42,8 @@ ORDER = (
 """Each imports only from those before it, and from within itself."""
 ON_THE_SIDE = {
     "samples": {"errors"},
-    "configuration": {"errors", "xla_options"},
+    "configuration": {"compile_cache", "errors", "xla_options"},
+    "compile_cache": {"errors"},
     "xla_options": set(),
     "cores": set(),
     "interruptible": set(),

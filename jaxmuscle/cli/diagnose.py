@@ -10,6 +10,7 @@ from rich.table import Table
 
 from jaxmuscle.cli.faults import faults
 from jaxmuscle.cli.shown import list_files, output, progress
+from jaxmuscle.configuration import configure
 
 if TYPE_CHECKING:
     from jaxmuscle.diagnosis.result import Diagnosis
@@ -38,6 +39,7 @@ def diagnose(
     """
     with faults(debug), progress() as tell:
         tell("loading")
+        configure(compile_cache=True)
         from jaxmuscle.diagnosis import diagnose as run
         from jaxmuscle.recordings import read
         from jaxmuscle.report.write import writable_folder, write

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from jaxmuscle.cli.faults import faults
 from jaxmuscle.cli.shown import list_files, output, progress
+from jaxmuscle.configuration import configure
 from jaxmuscle.errors import InputError
 from jaxmuscle.interruptible import interruptible
 
@@ -57,6 +58,7 @@ def fit(
     """
     with faults(debug), progress() as tell:
         tell("loading")
+        configure(compile_cache=True)
         from jaxmuscle.estimation import fit as run
         from jaxmuscle.recordings import actuator_from_card, read
         from jaxmuscle.report.fit_files import write_fit

@@ -9,6 +9,7 @@ import typer
 
 from jaxmuscle.cli.faults import faults
 from jaxmuscle.cli.shown import list_files
+from jaxmuscle.configuration import configure
 
 
 def sweep(
@@ -52,6 +53,7 @@ def sweep(
     Writes a dataset in SI (pressures absolute) and a picture in the units of the card.
     """
     with faults(debug):
+        configure(compile_cache=True)
         from jaxmuscle.report.sweep_files import swept_files
 
         kept = None if runs else reduce or ["maximum", "span"]
