@@ -16,7 +16,7 @@ from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.rank import Candidate, Ranking, fold_count, rank
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
-from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.diagnosis.workbench import SETTLED, workbench
 from jaxmuscle.diagnosis.workload import CONCLUSION, DECLARED, REFIT, round_work
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
@@ -92,7 +92,7 @@ def _diagnosed(
     begin = time.perf_counter()
     prepared = case(recording, held_out, ignored)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
-    bench = workbench(prepared.actuator, prepared.priors, candidates)
+    bench = workbench(prepared, candidates)
     parts = prepared.training.in_parts(PARTS)
     meter.expect(DECLARED + round_work(candidates, fold_count(parts), again=False) + CONCLUSION)
     meter.did(0.0, "fitting the declared model")
@@ -120,7 +120,7 @@ def _diagnosed(
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
         meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
     meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.converged)
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED)
     return conclude(prepared, bench, training, outcome, begin)
 
 

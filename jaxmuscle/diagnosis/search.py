@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.candidates import linear_strength, shapes, strength_path, strengths
-from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.diagnosis.workload import SEARCH_STEPS, search_work
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.fitting.problem import Problem
@@ -39,7 +39,7 @@ def search(
         fits.append(bench.fit(begin, names, problem, SHORT_STEPS))
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    return best if minimum.converged else bench.fit(best, names, problem, LONG_STEPS)[0]
+    return best if minimum.code in SETTLED else bench.fit(best, names, problem, LONG_STEPS)[0]
 
 
 def _best_start(

@@ -5,24 +5,34 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.fitting.fit import Minimum, minimise, sensitivities
-from jaxmuscle.fitting.free import Free, Prior, free
+from jaxmuscle.estimation.descent import descend
+from jaxmuscle.estimation.lane import CONVERGED, STALLED, Lane, Limits, Tolerances
+from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.names import Place
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.settled import moved_machine
+from jaxmuscle.estimation.stations import Station
+from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.estimation.within import unknown_within
+from jaxmuscle.fitting.case import Case
+from jaxmuscle.fitting.free import Prior
 from jaxmuscle.fitting.problem import Problem, Residuals
-from jaxmuscle.fitting.residuals import evaluate
-from jaxmuscle.parameters import get, parameters, replace
+from jaxmuscle.fitting.residuals import BROKEN, evaluate
+from jaxmuscle.parameters import Parameter, get, parameters, replace
 
 SPARE = 6
 """Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
-is compiled for itself."""
+takes its derivatives in one wider program."""
+FALL = 3e-4
+"""Relative fall of the cost over a step at which a fit of a search ends."""
+SETTLED = (CONVERGED, STALLED)
+"""How a fit ends that more steps would not carry on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,12 +44,14 @@ class Workbench:
     them only where they are tried or have been added.
 
     Attributes:
+        case: the recording, made ready.
         model: the declared machine with every candidate without a state, at zero strength.
         declared: paths of the parameters that the card calls uncertain.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         width: number of tangents of a fit.
     """
 
+    case: Case
     model: AbstractActuator
     candidates: tuple[type[AbstractEffect], ...]
     declared: tuple[str, ...]
@@ -78,12 +90,28 @@ class Workbench:
         """Paths that a fit moves: the declared ones and those of `effects`."""
         return [*self.declared, *(path for name in effects for path in paths_of(model, name))]
 
-    def free(self, model: AbstractActuator, effects: Sequence[str]) -> tuple[Free, NDArray[np.int64]]:
-        """The declared parameters and those of `effects`, free, from their values in `model`."""
-        chosen, order = self.free_paths(model, effects), self.order(model)
-        scales = {path: 0.5 * abs(float(get(model, path))) for path in chosen}
-        priors = {**self.priors, **self.shape_priors(model, effects)}
-        return free(model, chosen, priors, scales, order), np.array([order.index(p) for p in chosen], int)
+    def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
+        """The vector of the parameters `paths`, from their values in `model`, with their priors."""
+        priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
+        free = {path: priors.get(path) for path in paths}
+        return Unknowns([_unknown(entries[path], prior) for path, prior in free.items()])
+
+    def objective(
+        self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
+    ) -> Objective:
+        """The cost of the parameters `paths` on `problem`, in the program that `model`'s structure shares."""
+        case = self.case
+        station = Station(
+            case.recording.name,
+            model,
+            case.recording,
+            case.recording,
+            problem,
+            problem.samples,
+            case.observed.spread,
+        )
+        unknowns = self.unknowns(model, paths, effects)
+        return Objective([station], unknowns, Squares(), 1, tuple(self.order(model)), self.width)
 
     def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
         """`model` with its declared parameters back at the values of the card."""
@@ -91,20 +119,28 @@ class Workbench:
 
     def best_fit(
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
-    ) -> tuple[AbstractActuator, Minimum]:
+    ) -> tuple[AbstractActuator, Lane]:
         """The best of the fits that begin at several models."""
         fits = [self.fit(start, effects, problem, steps) for start in starts]
         return min(fits, key=lambda fit: fit[1].cost)
 
     def fit(
         self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int
-    ) -> tuple[AbstractActuator, Minimum]:
-        """`model` with its declared parameters and those of `effects` fitted to `problem`."""
+    ) -> tuple[AbstractActuator, Lane]:
+        """`model` with its declared parameters and those of `effects` fitted to `problem`.
+
+        A search compares costs that differ by far more than the last steps to a minimum would lower them: a
+        descent ends when a step lowers the cost by less than :data:`FALL` of it.
+        """
         model = self.dressed(model, effects)
-        description, chosen = self.free(model, effects)
-        width = max(self.width, len(chosen))
-        minimum = minimise(model, problem, description, chosen, width, steps)
-        return description.apply(model, jnp.asarray(minimum.z)), minimum
+        paths = self.free_paths(model, effects)
+        objective = self.objective(model, problem, paths, effects)
+        unknowns, samples = objective.unknowns, objective.samples
+        bounds = (unknowns.lower, unknowns.upper)
+        ends = Tolerances(fall=FALL)
+        limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
+        (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
+        return moved_machine(model, unknowns, lane.u, 0), lane
 
     def residuals(self, model: AbstractActuator, problem: Problem) -> Residuals:
         """Weighted residuals, as NumPy arrays."""
@@ -123,21 +159,26 @@ class Workbench:
         shapes of `effects`.
         """
         model = self.dressed(model, effects)
-        description, _ = self.free(model, effects)
-        linear = eqx.tree_at(
-            lambda f: (f.kind, f.scale),
-            description,
-            (jnp.zeros_like(description.kind), jnp.ones_like(description.scale)),
-        )
-        order = self.order(model)
-        return sensitivities(
-            model, problem, linear, np.array([order.index(path) for path in paths], int), self.width
-        )
+        objective = self.objective(model, problem, paths, effects)
+        unknowns = objective.unknowns
+        point = unknowns.coordinates(unknowns.start)
+        residual, slopes = (each[0] for each in objective.residuals(0, point[None]))
+        to_values = unknowns.slopes(point)
+        priors = unknowns.prior_residuals(point), np.diag(unknowns.prior_slopes / to_values)
+        whole = np.where(np.isfinite(residual), residual, BROKEN)
+        by_value = slopes / to_values[:, None]
+        return np.concatenate([whole, priors[0]]), np.concatenate([by_value, priors[1]], axis=1)
 
 
-def workbench(
-    actuator: AbstractActuator, priors: Mapping[str, Prior], candidates: Sequence[type[AbstractEffect]]
-) -> Workbench:
-    """Load `actuator` with those of the `candidates` that have no state."""
-    model = loaded(actuator, [effect for effect in candidates if not carries_state(effect)])
-    return Workbench(model, tuple(candidates), tuple(priors), dict(priors), len(priors) + SPARE)
+def workbench(case: Case, candidates: Sequence[type[AbstractEffect]]) -> Workbench:
+    """Load the actuator of `case` with those of the `candidates` that have no state."""
+    priors = case.priors
+    model = loaded(case.actuator, [effect for effect in candidates if not carries_state(effect)])
+    return Workbench(case, model, tuple(candidates), tuple(priors), dict(priors), len(priors) + SPARE)
+
+
+def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:
+    """One entry of the vector, from its value in the model."""
+    how = (entry.positive, entry.nonnegative, entry.typical)
+    place = Place(entry.path, entry.path, float(entry.value), entry.unit, entry.meaning, *how)
+    return unknown_within(entry.path, place, (0,), place.value, prior, (None, None))

@@ -112,12 +112,15 @@ class Tolerances:
             standard deviations away.
         noticeable, patience: fall of the cost that so many steps, taken or rejected, have to bring.
         exact: mean square residual below which a fit counts as exact.
+        fall: relative fall of the cost over a step taken at which a descent ends; 0 for one that goes on to
+            the minimum.
     """
 
     near: float = 1e-3
     noticeable: float = 0.02
     patience: int = 8
     exact: float = 1e-6
+    fall: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -36,6 +36,9 @@ def advance(lane: Lane, local: Local, limits: Limits) -> None:
         lane.curvature = local.matrix.diagonal().copy()
     elif not _accepted(lane, local):
         lane.rejected += 1
+    elif lane.cost > (1 - limits.tolerances.fall) * lane.costs[-1]:
+        lane.end(CONVERGED)
+        return
     lane.costs.append(lane.cost)
     if lane.rejected >= REJECTIONS or _tired(lane, limits):
         lane.end(STALLED)

@@ -15,11 +15,12 @@ from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.estimation.divided import Arrays, divided
 from jaxmuscle.estimation.lane import Local
 from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.slopes import moved, values_and_slopes
+from jaxmuscle.estimation.slopes import moved, values_and_chosen_slopes, values_and_slopes
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.fitting.problem import Problem
 from jaxmuscle.fitting.residuals import BROKEN
+from jaxmuscle.parameters import get
 
 Vector = NDArray[np.float64]
 
@@ -30,12 +31,17 @@ class Objective:
 
     Attributes:
         width: points that are evaluated in one program; any number of them is, in parts.
+        movable: paths among which the unknowns are chosen, so that one program serves every choice of at
+            most `tangents` of them; `None` for a program of these unknowns alone.
+        tangents: derivatives that such a program takes at a time; what is not used of them are zeros.
     """
 
     stations: Sequence[Station]
     unknowns: Unknowns
     loss: Loss
     width: int = 1
+    movable: tuple[str, ...] | None = None
+    tangents: int = 0
 
     @cached_property
     def samples(self) -> int:
@@ -110,9 +116,29 @@ class Objective:
     ) -> tuple[Float[np.ndarray, "lanes n"], Float[np.ndarray, "lanes m n"]]:
         """Residuals of one recording and their derivatives by the values (SI) that act on it."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
-        thetas = jnp.asarray(self.unknowns.values(points)[:, index])
-        found = values_and_slopes(thetas, station.actuator, station.problem, self.paths(number))  # pyright: ignore
-        r, slopes = (np.asarray(each) for each in found)
+        values, paths = self.unknowns.values(points)[:, index], self.paths(number)
+        if self.movable is None:
+            found = values_and_slopes(jnp.asarray(values), station.actuator, station.problem, paths)  # pyright: ignore
+            r, slopes = (np.asarray(each) for each in found)
+        else:
+            each = [self._by_chosen(station, paths, point) for point in values]
+            r, slopes = (np.stack(parts) for parts in zip(*each, strict=True))
         with np.errstate(over="ignore", invalid="ignore"):
             sound = np.isfinite(slopes.sum())
         return r, slopes if sound else np.where(np.isfinite(slopes), slopes, 0.0)
+
+    def _by_chosen(
+        self, station: Station, paths: Sequence[str], values: Float[np.ndarray, " m"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "m n"]]:
+        """Residuals and derivatives at one point by the program of all movable paths."""
+        movable = self.movable or ()
+        theta = np.array([float(get(station.actuator, path)) for path in movable])
+        places = np.array([movable.index(path) for path in paths], dtype=np.int64)
+        theta[places] = values
+        tangents = self.tangents * max(1, -(-len(places) // max(self.tangents, 1)))
+        chosen = np.full(max(tangents, len(places)), len(movable))
+        chosen[: len(places)] = places
+        r, slopes = values_and_chosen_slopes(
+            jnp.asarray(theta), jnp.asarray(chosen), station.actuator, station.problem, movable
+        )  # pyright: ignore[reportGeneralTypeIssues]
+        return np.asarray(r), np.asarray(slopes)[: len(places)]
