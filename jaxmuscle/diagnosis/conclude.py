@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import time
+from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.diagnosis.errors import errors, noise_of, predicted_columns
@@ -21,17 +22,22 @@ from jaxmuscle.diagnosis.result import (
     Traces,
 )
 from jaxmuscle.diagnosis.reveal import reveal
-from jaxmuscle.diagnosis.uncertainty import estimates
 from jaxmuscle.diagnosis.unexplained import unexplained
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.estimation.fit import fit_nearby
+from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.fitting.case import Case
 from jaxmuscle.fitting.problem import Problem
-from jaxmuscle.parameter_names import card_name, of_effect
+from jaxmuscle.parameter_names import of_effect
+from jaxmuscle.parameters import get
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the search found: the two fitted models, what was added, the searches, fits to each fold."""
+    """What the search found: the two fitted models, what was added, the searches, fits to each fold.
+
+    `ignored`: rows whose readings count for nothing; `None` for none.
+    """
 
     declared: AbstractActuator
     model: AbstractActuator
@@ -39,6 +45,7 @@ class Outcome:
     rounds: tuple[Round, ...]
     folds: tuple[AbstractActuator, ...]
     converged: bool
+    ignored: NDArray[np.bool_] | None = None
 
 
 def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> dict[str, float]:
@@ -53,22 +60,22 @@ def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) ->
 def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
     names = [candidate.effect.name for candidate in outcome.found]
-    values, correlations = estimates(bench, outcome.model, names, training, outcome.folds)
     declared = _lean(bench, outcome.declared, [])
-    model = _lean(bench, outcome.model, names)
+    final = _final_fit(case, bench, outcome, names)
     missing = missing_rates(case, outcome.model)
     traces = _traces(case, bench, outcome)
     after = errors(case, traces.after, traces.held_out)
     left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if left else "complete"
-    rename = {path: card_name(case.actuator.quantities, path) for path in values}
+    values = _estimates(final, outcome.folds)
     return Diagnosis(
         recording=case.recording,
         verdict=verdict,
         effects=tuple(_found(candidate, values) for candidate in outcome.found),
         rounds=outcome.rounds,
         declared=declared,
-        model=model,
+        model=final.actuator,
+        fit=final,
         before=errors(case, traces.before, traces.held_out),
         after=after,
         noise={column: noise_of(case, column) for column in traces.measured},
@@ -76,11 +83,11 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         horizon=case.recording.card.horizon,
         held_out_fraction=float(traces.held_out.mean()),
         unexplained=left,
-        parameters={rename[path]: estimate for path, estimate in values.items()},
-        correlations=_renamed(correlations, rename),
+        parameters=values,
+        correlations=final.correlations,
         reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
         traces=traces,
-        converged=outcome.converged,
+        converged=outcome.converged and final.converged,
         seconds=time.perf_counter() - begin,
         settings={
             "windows": len(case.windows),
@@ -97,8 +104,28 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
     return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
 
 
-def _renamed(correlations: pd.DataFrame, names: dict[str, str]) -> pd.DataFrame:
-    return correlations.rename(index=names, columns=names)
+def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult:
+    """The found model fitted to all rows, those that were held out for its errors included."""
+    model = _lean(bench, outcome.model, names)
+    free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
+    known = {path: (prior.mean, prior.std) for path, prior in priors.items()}
+    return fit_nearby(model, case.recording, free, known, outcome.ignored)
+
+
+def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:
+    """Values and standard deviations: those of the final fit, or by how much fits to the folds disagree.
+
+    The delete-a-group jackknife over `folds`, models of the same effects each fitted without a part of the
+    data (Kott, J. Official Statistics 17, 2001), allows for what the model lacks, as no covariance does.
+    """
+    found = {}
+    for name, entry in final.parameters.items():
+        spread = 0.0
+        if len(folds) > 1:
+            values = np.array([float(get(model, entry.path)) for model in folds])
+            spread = float(np.sqrt((len(folds) - 1) * values.var()))
+        found[name] = Estimate(entry.value, max(entry.std, spread), entry.unit, entry.meaning)
+    return found
 
 
 def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:

@@ -120,7 +120,7 @@ def _diagnosed(
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
         meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
     meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED)
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED, ignored)
     return conclude(prepared, bench, training, outcome, begin)
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.formatting import aligned, estimate, quantity
 from jaxmuscle.recordings.recording import Recording
 
@@ -129,7 +130,9 @@ class Diagnosis:
     Attributes:
         verdict: "effects found", "complete" or "unexplained".
         effects: what was added, in order; `rounds` tells the searches behind it.
-        declared, model: the machine as declared and as found, both fitted to all training data.
+        declared: the machine as declared, fitted to all training data.
+        model, fit: the machine as found, and its fit to all rows. The errors are of this model as it was
+            fitted before, without the held-out rows.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.
@@ -141,6 +144,7 @@ class Diagnosis:
     rounds: tuple[Round, ...]
     declared: AbstractActuator
     model: AbstractActuator
+    fit: FitResult
     before: dict[str, dict[str, Error]]
     after: dict[str, dict[str, Error]]
     noise: dict[str, float]

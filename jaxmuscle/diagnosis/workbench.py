@@ -14,14 +14,13 @@ from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.descent import descend
 from jaxmuscle.estimation.lane import CONVERGED, STALLED, Lane, Limits, Tolerances
 from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.settled import moved_machine
 from jaxmuscle.estimation.stations import Station
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
 from jaxmuscle.estimation.within import unknown_within
 from jaxmuscle.fitting.case import Case
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.fitting.problem import Problem, Residuals
 from jaxmuscle.fitting.residuals import BROKEN, evaluate
 from jaxmuscle.parameters import Parameter, get, parameters, replace
@@ -179,6 +178,4 @@ def workbench(case: Case, candidates: Sequence[type[AbstractEffect]]) -> Workben
 
 def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:
     """One entry of the vector, from its value in the model."""
-    how = (entry.positive, entry.nonnegative, entry.typical)
-    place = Place(entry.path, entry.path, float(entry.value), entry.unit, entry.meaning, *how)
-    return unknown_within(entry.path, place, (0,), place.value, prior, (None, None))
+    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, (None, None))

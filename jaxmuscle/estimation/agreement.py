@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from jaxmuscle.actuators.base import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameters import Parameter, replace
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 
@@ -21,7 +22,7 @@ from jaxmuscle.estimation.conclude import conclude
 from jaxmuscle.estimation.kept import as_settings
 from jaxmuscle.estimation.lane import Course
 from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.losses import loss_named
+from jaxmuscle.estimation.losses import Squares, loss_named
 from jaxmuscle.estimation.optimistix_solver import steps_by
 from jaxmuscle.estimation.result import FitResult
 from jaxmuscle.estimation.search import Search, search
@@ -108,6 +109,26 @@ def fit(
     settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
     wanted = profiled(actuator, given, asked, {entry.place.name for entry in objective.unknowns.entries})
     return conclude(search(task), actuator, wanted, settings, progress, begin)
+
+
+def fit_nearby(
+    actuator: AbstractActuator,
+    recording: Recording,
+    free: Sequence[str],
+    priors: Mapping[str, PriorLike],
+    masks: Masks = None,
+    steps: int = 50,
+) -> FitResult:
+    """:func:`fit` from an `actuator` that has been fitted: whole windows at once, and nothing is printed.
+
+    It ends in the minimum in which :func:`fit` with the same arguments ends that is begun there.
+    """
+    begin, asked = time.monotonic(), asked_for(free, (), (), priors, {})
+    objective = prepared(actuator, [recording], asked, masks, None, Squares())
+    points = begun_at(objective.unknowns, 1, 0)
+    task = Search(objective, points, steps, math.inf, False, lambda stage, course: None, near=True)
+    settings = as_settings(asked, Squares(), None, masks) | {"steps": steps, "seed": 0}
+    return conclude(search(task), actuator, (), settings, _silent, begin)
 
 
 def _teller(progress: Callable[[str], None], begin: float) -> Callable[[str, Course], None]:

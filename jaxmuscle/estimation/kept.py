@@ -11,7 +11,7 @@ from jaxmuscle.estimation.arguments import Masks, NoiseLike
 from jaxmuscle.estimation.asked import Asked, PriorLike
 from jaxmuscle.estimation.loss import Loss
 from jaxmuscle.estimation.missing import Mask
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 
 
 def as_settings(asked: Asked, rule: Loss, noise: NoiseLike, masks: Masks) -> dict[str, Any]:

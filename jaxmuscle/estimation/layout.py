@@ -15,7 +15,7 @@ from jaxmuscle.estimation.beginnings import start_places
 from jaxmuscle.estimation.names import columns, fittable, range_of
 from jaxmuscle.estimation.unknowns import Unknowns
 from jaxmuscle.estimation.within import unknown_within
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameter_names import START, expanded, of_machine, resolve
 from jaxmuscle.parameters import Parameter
 from jaxmuscle.recordings.recording import Recording

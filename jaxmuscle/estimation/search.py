@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,7 @@ from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.refined import refined
 from jaxmuscle.estimation.spread import weighted
 from jaxmuscle.estimation.stages import stages
+from jaxmuscle.estimation.stations import Station
 
 MOST_LANES = 32
 """Starts under way at a time: the others wait, so that some have ended when the time is up."""
@@ -40,6 +41,7 @@ class Search:
         estimate: take the noise from the residuals.
         continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
         solver: in place of our own, see `lane.Limits`.
+        near: whether the starts are near a minimum, and come down on whole windows at once.
     """
 
     objective: Objective
@@ -50,6 +52,7 @@ class Search:
     tell: Tell
     continuation: tuple[float, ...] = ()
     solver: Callable[[Lane, Local, Limits], None] | None = None
+    near: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,7 +79,7 @@ def search(task: Search) -> Found:
     now = time.monotonic()
     first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
     lanes: list[Lane] = []
-    for stage, stations in stages(begun.stations, task.continuation):
+    for stage, stations in _stages(task, begun):
         points, failed = ends(lanes) if lanes else (task.points, {})
         if lanes and (winner_of(lanes).code == BUDGET or time.monotonic() > first.deadline):
             break
@@ -100,6 +103,12 @@ def search(task: Search) -> Found:
         lanes = descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
         winner = winner_of(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _stages(task: Search, begun: Objective) -> Iterable[tuple[str, Sequence[Station]]]:
+    if task.near:
+        return [("whole windows, first weights", begun.stations)]
+    return stages(begun.stations, task.continuation)
 
 
 def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameters import Parameter
 
 Vector = NDArray[np.float64]

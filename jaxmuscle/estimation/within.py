@@ -7,7 +7,7 @@ import math
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.asked import Bounds
 from jaxmuscle.estimation.unknowns import HALF, Unknown
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameter_names import of_machine
 from jaxmuscle.parameters import Parameter
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.fitting.problem import Problem, problem
 from jaxmuscle.fitting.windows import Windows, cut
 from jaxmuscle.parameter_names import effect_path

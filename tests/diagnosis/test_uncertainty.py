@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxmuscle.diagnosis.uncertainty import estimates
 from numpy.typing import ArrayLike
 from oracles import bench
 from oracles.driven import driven
 from oracles.recorded import NOISE, STDS, driven_card, driven_recording, smooth_motion
 
-from jaxmuscle.diagnosis.uncertainty import estimates
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.fitting.case import case
 from jaxmuscle.fitting.residuals import residuals

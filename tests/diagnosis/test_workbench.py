@@ -19,7 +19,7 @@ def prepared():
 
 @pytest.fixture(scope="module")
 def tools(prepared):
-    return workbench(prepared.actuator, prepared.priors, missing(prepared.actuator, CATALOGUE))
+    return workbench(prepared, missing(prepared.actuator, CATALOGUE))
 
 
 def test_states_are_carried_only_where_they_are_wanted(tools):
@@ -47,6 +47,6 @@ def test_a_fit_of_more_parameters_than_fits_are_laid_out_for(prepared, tools):
     free = tools.free_paths(tools.dressed(tools.model, names), names)
     assert len(free) == tools.width + 1 == len(prepared.priors) + SPARE + 1
     before = tools.cost(tools.model, prepared.training)
-    model, minimum = tools.fit(tools.model, names, prepared.training, 15)
-    assert np.isfinite(minimum.cost)
+    model, lane = tools.fit(tools.model, names, prepared.training, 15)
+    assert np.isfinite(lane.cost)
     assert tools.cost(model, prepared.training) < 0.1 * before

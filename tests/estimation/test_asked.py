@@ -15,7 +15,7 @@ from jaxmuscle.estimation.layout import layout
 from jaxmuscle.estimation.missing import LONGEST_BRIDGE, usable
 from jaxmuscle.estimation.names import fittable
 from jaxmuscle.estimation.starts import given_starts
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameter_names import column_of_offset, resolve
 from jaxmuscle.parameters import get
 

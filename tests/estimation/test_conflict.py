@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from jaxmuscle.estimation.conflict import with_conflicts
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.minimum import Minimum
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 
 
 def conflict(narrow, off, noise=None):

@@ -10,7 +10,7 @@ from jaxmuscle.estimation.lags import autocovariance
 from jaxmuscle.estimation.losses import LOSSES, Squares, Student
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS = 1200, 24

@@ -6,7 +6,7 @@ from scipy.stats import norm, qmc
 
 from jaxmuscle.estimation.starts import spread_starts
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
-from jaxmuscle.fitting.free import Prior
+from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.parameters import Parameter
 
 

@@ -1,0 +1,129 @@
+"""Fits of a search through the simulation, on readings of the oracle with white noise."""
+
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.recorded import driven_card, driven_recording, smooth_motion
+
+from jaxmuscle.diagnosis.workbench import SETTLED, workbench
+from jaxmuscle.fitting.case import case
+from jaxmuscle.fitting.prior import Prior
+from jaxmuscle.fitting.residuals import evaluate
+from jaxmuscle.parameters import get, replace
+
+TRUE = {
+    "muscle.initial_radius": bench.CARDS["driven"]["initial_radius"],
+    "muscle.end_factor": bench.CARDS["driven"]["end_factor"],
+    **{f"effects.thread_friction.{name}": value for name, value in bench.THREADS.items()},
+}
+PATHS = tuple(TRUE)
+STARTS = {
+    "above": {path: 1.3 * value for path, value in TRUE.items()},
+    "below": {path: 0.7 * value for path, value in TRUE.items()},
+    "mixed": {path: (1.3, 0.7)[i % 2] * value for i, (path, value) in enumerate(TRUE.items())},
+}
+FAINT = {path: Prior(value, 1e3 * value) for path, value in TRUE.items()}
+"""Priors that say nothing: the fit is that of the data."""
+
+TURNING = 1.5e-3
+"""Velocity below which a sample is left out [m/s]."""
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    recording = driven_recording({"thread_friction": bench.THREADS}, driven_card(bench.THREADS), seed=4)
+    # Where the motion turns, dry friction is what the last digit of the smoothed velocity makes of it.
+    turning = np.abs(smooth_motion(20.0)[2]) < TURNING
+    assert turning.mean() < 0.05
+    return case(recording, 0.0, turning)
+
+
+def tools(prepared, width=len(PATHS), declared=PATHS):
+    import dataclasses
+
+    priors = {path: FAINT[path] for path in declared}
+    own = workbench(dataclasses.replace(prepared, priors=priors), ())
+    return dataclasses.replace(own, width=width)
+
+
+def fitted(prepared, start, steps=60, **how):
+    bench_ = tools(prepared, **how)
+    return bench_.fit(replace(prepared.actuator, start), [], prepared.training, steps)
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_recovers_the_parameters(prepared, start):
+    model, lane = fitted(prepared, STARTS[start])
+    assert lane.code in SETTLED
+    values = np.array([float(get(model, path)) for path in PATHS])
+    true = np.array(list(TRUE.values()))
+    own = tools(prepared)
+    _, slopes = own.jacobian(model, prepared.training, PATHS, [])
+    std = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    assert (std < 0.15 * true).all(), "the data tell the parameters"
+    np.testing.assert_array_less(np.abs(values - true), 4 * std)
+    # Half the sum of squares of white noise, with five degrees of freedom less.
+    samples = int(prepared.windows.mask.sum())
+    assert lane.cost == pytest.approx(0.5 * (samples - 5), abs=4 * np.sqrt(samples / 2))
+
+
+@pytest.mark.parametrize("width", [2, len(PATHS) + 4])
+def test_tangents_of_a_program_change_nothing(prepared, width):
+    exact, lane = fitted(prepared, STARTS["mixed"])
+    wide, padded = fitted(prepared, STARTS["mixed"], width=width)
+    assert padded.code in SETTLED
+    assert padded.cost == pytest.approx(lane.cost, rel=1e-9)
+    for path in PATHS:
+        assert float(get(wide, path)) == pytest.approx(float(get(exact, path)), rel=1e-6)
+
+
+def test_what_is_not_free_stays(prepared):
+    start = {**TRUE, "muscle.end_factor": 1.1 * TRUE["muscle.end_factor"]}
+    model, _ = fitted(prepared, start, declared=("muscle.initial_radius",))
+    for path in PATHS[1:]:
+        assert float(get(model, path)) == float(get(replace(prepared.actuator, start), path))
+    # A muscle that pulls less at the same contraction is made up for by a thicker one.
+    assert float(get(model, PATHS[0])) > 1.01 * TRUE[PATHS[0]]
+
+
+def test_step_limit(prepared):
+    """The best point so far, and no claim to have converged."""
+    _, lane = fitted(prepared, STARTS["above"], steps=1)
+    start = tools(prepared).cost(replace(prepared.actuator, STARTS["above"]), prepared.training)
+    assert lane.code not in SETTLED
+    assert lane.steps == 1
+    assert lane.cost <= start + 1e-3  # the faint priors add next to nothing
+    assert fitted(prepared, STARTS["above"])[1].cost < 0.01 * start
+
+
+@pytest.mark.parametrize("width", [2, len(PATHS), len(PATHS) + 3])
+def test_slopes_are_finite_differences(prepared, width):
+    """Whatever the number of tangents that are pushed at a time."""
+    model = replace(prepared.actuator, STARTS["mixed"])
+    value, slopes = tools(prepared, width=width).jacobian(model, prepared.training, PATHS, [])
+
+    def at(path, factor):
+        moved = replace(model, {path: factor * float(get(model, path))})
+        found = evaluate(moved, prepared.training)
+        return np.concatenate([np.asarray(found[link.output]).ravel() for link in model.links])
+
+    data = value[: -len(PATHS)]
+    np.testing.assert_allclose(data, at(PATHS[0], 1.0), rtol=1e-9, atol=1e-9)
+    for path, slope in zip(PATHS, slopes[:, : data.size], strict=True):
+        difference = (at(path, 1 + 1e-5) - at(path, 1 - 1e-5)) / (2e-5 * float(get(model, path)))
+        np.testing.assert_allclose(slope, difference, atol=1e-5 * np.abs(difference).max())
+
+
+def test_one_program_for_every_choice(prepared):
+    """Fits of two of the parameters and of one of them run in the program of all."""
+    from jaxmuscle.estimation.slopes import values_and_chosen_slopes
+
+    def programs():
+        return values_and_chosen_slopes._cached._cache_size()  # pyright: ignore[reportAttributeAccessIssue]
+
+    own = tools(prepared)
+    own.jacobian(prepared.actuator, prepared.training, PATHS, [])
+    before = programs()
+    own.jacobian(prepared.actuator, prepared.training, PATHS[:2], [])
+    own.jacobian(prepared.actuator, prepared.training, PATHS[3:4], [])
+    assert programs() == before > 0
