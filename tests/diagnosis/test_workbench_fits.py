@@ -1,11 +1,14 @@
 """Fits of a search through the simulation, on readings of the oracle with white noise."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.diagnosis.workbench import SETTLED, workbench
+from jaxmuscle.estimation.slopes import values_and_chosen_slopes
 from jaxmuscle.fitting.case import case
 from jaxmuscle.fitting.prior import Prior
 from jaxmuscle.fitting.residuals import evaluate
@@ -17,6 +20,7 @@ TRUE = {
     **{f"effects.thread_friction.{name}": value for name, value in bench.THREADS.items()},
 }
 PATHS = tuple(TRUE)
+WIDTH = len(PATHS)
 STARTS = {
     "above": {path: 1.3 * value for path, value in TRUE.items()},
     "below": {path: 0.7 * value for path, value in TRUE.items()},
@@ -38,8 +42,7 @@ def prepared():
     return case(recording, 0.0, turning)
 
 
-def tools(prepared, width=len(PATHS), declared=PATHS):
-    import dataclasses
+def tools(prepared, width=WIDTH, declared=PATHS):
 
     priors = {path: FAINT[path] for path in declared}
     own = workbench(dataclasses.replace(prepared, priors=priors), ())
@@ -116,7 +119,6 @@ def test_slopes_are_finite_differences(prepared, width):
 
 def test_one_program_for_every_choice(prepared):
     """Fits of two of the parameters and of one of them run in the program of all."""
-    from jaxmuscle.estimation.slopes import values_and_chosen_slopes
 
     def programs():
         return values_and_chosen_slopes._cached._cache_size()  # pyright: ignore[reportAttributeAccessIssue]

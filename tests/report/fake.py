@@ -41,6 +41,8 @@ PARAMETERS = {
     "effects.load_friction.force": Estimate(16.21, 0.38, "N", "Coulomb friction of the guide"),
 }
 FORCE = "effects.load_friction.force"
+NO_FIT: Any = None
+"""In place of the final fit, of which a report shows nothing but the values."""
 
 
 @functools.cache
@@ -81,6 +83,7 @@ def diagnosis(verdict: str) -> Diagnosis:
         rounds=searches if found else (Round(1.02, poor, None),),
         declared=model,
         model=model.with_effects(load_friction=friction(force=16.21)) if found else model,
+        fit=NO_FIT,
         before=_errors(traces, traces.before),
         after=_errors(traces, traces.after),
         noise={"pressure": 400.0, "position": 3e-5},

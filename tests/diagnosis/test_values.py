@@ -1,0 +1,111 @@
+"""The values that a diagnosis reports: those of a fit, and by how much fits to parts of the data disagree."""
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from oracles import bench
+from oracles.recorded import clock
+
+import jaxmuscle as jm
+from jaxmuscle.diagnosis.conclude import _estimates
+from jaxmuscle.estimation.fitted import Fitted
+from jaxmuscle.robot import robot
+
+SMALL = 0.1
+"""Distance of two values, in standard deviations, that no reader would take notice of."""
+
+
+def refitted(diagnosis, recording, **how):
+    """Distance of each value of the report from that of a fit of its model, in the report's deviations."""
+    fit = jm.fit(diagnosis.model, recording, **how)
+    assert fit.converged
+    reported = diagnosis.parameters
+    return {name: (v - reported[name].value) / reported[name].std for name, v in fit.values.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sample", "effect"), [("lift", "load_friction"), ("bench", None), ("swing", None)])
+def test_fit_of_the_found_model_gives_the_reported_values(sample, effect):
+    recording = jm.read(jm.sample(sample))
+    diagnosis = jm.diagnose(recording)
+    assert effect is None or [e.name for e in diagnosis.effects] == [effect]
+    names = list(diagnosis.parameters)
+    for free in (names, None):
+        off = refitted(diagnosis, recording, free=free)
+        assert max(map(abs, off.values())) < SMALL, off
+    assert set(diagnosis.fit.values) == set(names)
+    for name, entry in diagnosis.parameters.items():
+        assert entry.value == diagnosis.fit.values[name]
+        assert entry.std >= diagnosis.fit.std[name] > 0
+
+
+def _recorded(rig, command, free, noise):
+    """What the rig's model gives under `command`, with noise, and a card that is not sure of `free`."""
+    machine = robot(0.5) if rig == "scara" else bench.model(rig)
+    times = clock(len(command), bench.STEPS.get(rig, 4e-3))
+    frame = jm.simulate(machine, command, times).to_frame()
+    rng, columns = np.random.default_rng(3), {}
+    for name in frame:
+        level = noise[str(name).split("_")[0]]
+        columns[str(name)] = np.asarray(frame[name]) + level * rng.normal(size=len(times))
+    levels = {name: noise[name.split("_")[0]] for name in columns}
+    table = pd.DataFrame(np.asarray(command).reshape(len(times), -1), columns=list(machine.commands))
+    columns |= {name: np.asarray(table[name]) for name in machine.commands}
+    found = jm.recording(machine, columns, float(times[1]), noise=levels)
+    described = jm.describe(machine)["value"]
+    values = {name: float(described.loc[machine.quantities[name]]) for name in free}
+    off = {name: (1.05 * value, 0.2 * abs(value)) for name, value in values.items()}
+    return dataclasses.replace(found, card=found.card.updated(off, {}))
+
+
+def _waves():
+    times = np.arange(500) * 4e-3
+    waves = [1e5 * np.sin(2 * np.pi * f * times + p) for f, p in ((0.8, 0.0), (1.1, 1.0))]
+    return bench.AMBIENT + 2.5e5 + np.stack([waves[0], -waves[0], waves[1], -waves[1]], axis=1)
+
+
+OTHERS = {
+    "elbow": (bench.elbow_command, ("regulator_frequency", "density"), {"pressure": 400.0, "angle": 3e-3}),
+    "jet-pipe": (
+        bench.jet_pipe_command,
+        ("current_gain", "pipe_compliance"),
+        {"current": 1e-3, "force": 0.3},
+    ),
+    "jet-pipe-piston": (
+        bench.piston_command,
+        ("current_gain", "pipe_compliance"),
+        {"current": 1e-3, "force": 0.3},
+    ),
+    "scara": (_waves, ("payload",), {"pressure": 400.0, "angle": 4e-4}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rig", OTHERS)
+def test_other_rigs_keep_the_promise(rig):
+    """With nothing to choose from: the declared model alone, on a recording of each rig."""
+    command, free, noise = OTHERS[rig]
+    recording = _recorded(rig, command(), free, noise)
+    diagnosis = jm.diagnose(recording, catalogue=())
+    off = refitted(diagnosis, recording)
+    assert set(off) == set(diagnosis.parameters) == set(free)
+    assert max(map(abs, off.values())) < SMALL, off
+
+
+def test_fits_that_disagree_widen_the_deviations():
+    """Delete-a-group jackknife: (G-1)/G times the sum of squared deviations from the mean of G fits."""
+    machine, paths = bench.model("driven"), ("muscle.initial_radius", "muscle.end_factor")
+    entries: dict[str, Any] = {
+        path: Fitted(7e-3, 1e-5, "m", "", path, True, 7e-3, 0.0, np.inf, 1e-5, 1e-5, 1e-5) for path in paths
+    }
+    radii = np.array([6.8e-3, 7.1e-3, 7.2e-3])
+    folds = [jm.replace(machine, {paths[0]: radius}) for radius in radii]
+    final: Any = SimpleNamespace(parameters=entries)
+    wide, alone = _estimates(final, folds), _estimates(final, ())
+    assert wide[paths[0]].std == pytest.approx(np.sqrt(2 / 3 * ((radii - radii.mean()) ** 2).sum()))
+    assert wide[paths[1]].std == alone[paths[1]].std == alone[paths[0]].std == 1e-5
+    assert wide[paths[0]].value == alone[paths[0]].value == 7e-3
