@@ -24,7 +24,7 @@ def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
     """
     windows = case.windows
     found = {}
-    inside = windows.rows[:, None] + np.arange(windows.samples)
+    inside = windows.sample_rows(len(case.recording))
     for output, values in _chain_predictions(model, begun(case, model)).items():
         table = np.asarray(values).reshape(*values.shape[:2], -1)
         for i, name in enumerate(model.outputs[output]):

@@ -59,11 +59,7 @@ def _changes(objective: Objective, number: int, u: Line) -> list[dict[str, Line]
 
 def _independent(station: Station, change: dict[str, Line]) -> dict[str, Line]:
     """Without what is shared with the other states that begin windows."""
-    parts = [change[link.output] for link in station.actuator.links]
-    ends = np.cumsum([part.size for part in parts])[:-1]
-    left = np.split(station.whitened(np.concatenate([part.ravel() for part in parts])), ends)
-    pairs = zip(station.actuator.links, parts, left, strict=True)
-    return {link.output: each.reshape(part.shape) for link, part, each in pairs}
+    return station.layout.split(station.whitened(station.layout.join(change)))
 
 
 def _neighbours(problem: Problem, rates: Line) -> tuple[Line, Line]:
@@ -81,14 +77,13 @@ def _scores(
     objective: Objective, station: Station, lines: list[Series], change: dict[str, Line]
 ) -> list[Line]:
     """Σ J ψ' times the change, over the columns and rows of each window."""
-    at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
-    scores = np.zeros((len(at), len(lines[0].slopes)))
+    layout = station.layout
+    scores = np.zeros((len(layout.rows), len(lines[0].slopes)))
     for line in lines:
-        names = station.actuator.outputs[line.output]
-        shape, column = (*at.shape, len(names)), names.index(line.column)
-        counts = np.asarray(station.problem.weights[line.output]).reshape(shape)[..., column] > 0
+        column = layout.columns[line.output].index(line.column)
+        counts = layout.table(line.output, station.problem.weights[line.output])[..., column] > 0
         along = np.zeros(len(line.counts))
-        along[at[counts]] = change[line.output].reshape(shape)[..., column][counts]
+        along[layout.rows[counts]] = change[line.output][..., column][counts]
         products = line.slopes * objective.loss.slope(line.residual) * along
         inside = line.window >= 0
         np.add.at(scores, line.window[inside], products[:, inside].T)

@@ -19,14 +19,11 @@ def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Object
     """
     stations = []
     for number, station in enumerate(objective.stations):
-        r, begin, factors = objective.residuals(number, u[None])[0][0], 0, {}
-        for link in station.actuator.links:
-            w = np.asarray(station.problem.weights[link.output])
-            part = r[begin : begin + w.size].reshape(*w.shape[:2], -1)
-            begin += w.size
-            counted = np.where((w > 0).reshape(part.shape), part, np.nan)
+        layout, factors = station.layout, {}
+        for output, part in layout.split(objective.residuals(number, u[None])[0][0]).items():
+            counted = np.where(layout.table(output, station.problem.weights[output]) > 0, part, np.nan)
             # A column of which nothing counts keeps what it has.
             size = np.nan_to_num(objective.loss.size(counted, (0, 1)), nan=1.0)
-            factors[link.output] = 1 / np.maximum(size, 1e-6)
+            factors[output] = 1 / np.maximum(size, 1e-6)
         stations.append(station.reweighted(factors))
     return dataclasses.replace(objective, stations=stations)

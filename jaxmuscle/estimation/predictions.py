@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ from jaxmuscle.estimation.profile import QUANTILE
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.slopes import moved
 from jaxmuscle.fitting.predictions import chain_predictions
+from jaxmuscle.fitting.residual_layout import ResidualLayout
 from jaxmuscle.parameter_names import OFFSET, of_machine
 from jaxmuscle.recordings.smooth import noise_level
 
@@ -51,18 +53,17 @@ def predictions(
         shifts = [jnp.asarray(x) for x in beside.values()]
         _, problem = moved(machines[number], station.problem, list(beside), shifts)
         chain = _chain(machines[number], problem)
-        at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
+        layout = station.layout
         table: dict[str, NDArray[np.float64]] = {}
         for line in (line for line in lines if line.recording == number):
-            names = station.actuator.outputs[line.output]
-            position, offset = names.index(line.column), beside.get(OFFSET + line.column, 0.0)
-            weights = _column(station.problem.weights[line.output], position, len(names))
-            flat = _column(chain[line.output], position, len(names))
+            offset = beside.get(OFFSET + line.column, 0.0)
+            weights = _column(layout, line, station.problem.weights)
+            flat = _column(layout, line, chain)
             predicted, fitted, std = (np.full(len(recording), np.nan) for _ in range(3))
             inside = weights > 0
-            predicted[at[inside]] = flat[inside] + offset
+            predicted[layout.rows[inside]] = flat[inside] + offset
             scale = np.full(len(recording), np.nan)
-            scale[at[inside]] = weights[inside]
+            scale[layout.rows[inside]] = weights[inside]
             measured = recording.columns[line.column]
             fitted[line.counts] = measured[line.counts] + line.deviation[line.counts] / scale[line.counts]
             std[line.counts] = _deviation(line, sure) / scale[line.counts]
@@ -93,11 +94,9 @@ def noise_table(
     found: dict[str, dict[str, Noise]] = {}
     for line in lines:
         station = objective.stations[line.recording]
-        names = station.actuator.outputs[line.output]
-        weights = _column(station.problem.weights[line.output], names.index(line.column), len(names))
-        at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
+        weights = _column(station.layout, line, station.problem.weights)
         scale = np.ones(len(station.recording))
-        scale[at[weights > 0]] = weights[weights > 0]
+        scale[station.layout.rows[weights > 0]] = weights[weights > 0]
         in_si = (line.deviation / scale)[line.counts]
         # The weights allow for uncertain states; where these matter least they are the sensor's.
         largest = float(weights.max())
@@ -116,7 +115,7 @@ def _ratio(residual: NDArray[np.float64], loss: Loss) -> float:
     return float(np.sqrt(loss.mean_square(residual)))
 
 
-def _column(values: object, position: int, columns: int) -> NDArray[np.float64]:
-    """One column of an array of windows and samples."""
-    array = np.asarray(values)
-    return array.reshape(*array.shape[:2], columns)[..., position]
+def _column(layout: ResidualLayout, line: Series, values: Mapping[str, Any]) -> NDArray[np.float64]:
+    """What `values` holds of the column of a series, window by window."""
+    names = layout.columns[line.output]
+    return layout.table(line.output, values[line.output])[..., names.index(line.column)]

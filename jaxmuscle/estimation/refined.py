@@ -68,11 +68,9 @@ def _change(
     objective: Objective, number: int, u: NDArray[np.float64], coarse: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """r_{h/2} - r_h of one recording, zero for outputs that do not converge with the order of the method."""
-    station, change, begin = objective.stations[number], np.zeros_like(coarse), 0
+    change = np.zeros_like(coarse)
     fine, finer = (_at_steps(objective, number, u, times) for times in (2, 4))
-    for link in station.actuator.links:
-        part = slice(begin, begin + station.problem.weights[link.output].size)
-        begin = part.stop
+    for part in objective.stations[number].layout.parts().values():
         first, second = fine[part] - coarse[part], finer[part] - fine[part]
         sound = np.isfinite(first) & np.isfinite(second)
         first, second = np.where(sound, first, 0.0), np.where(sound, second, 0.0)
@@ -91,11 +89,9 @@ def _at_steps(objective: Objective, number: int, u: NDArray[np.float64], times: 
 
 def _shifted(station: Station, change: NDArray[np.float64]) -> Station:
     """With targets such that every residual is larger by `change`."""
-    problem, targets, begin = station.problem, dict(station.problem.targets), 0
-    for link in station.actuator.links:
-        weights = np.asarray(problem.weights[link.output])
-        part = change[begin : begin + weights.size].reshape(weights.shape)
-        begin += weights.size
-        off = np.where(weights > 0, part / np.where(weights > 0, weights, 1.0), 0.0)
-        targets[link.output] = jnp.asarray(np.asarray(targets[link.output]) - off)
+    problem, targets = station.problem, dict(station.problem.targets)
+    for output, part in station.layout.split(change).items():
+        weights = np.asarray(problem.weights[output])
+        off = np.where(weights > 0, part.reshape(weights.shape) / np.where(weights > 0, weights, 1.0), 0.0)
+        targets[output] = jnp.asarray(np.asarray(targets[output]) - off)
     return dataclasses.replace(station, problem=eqx.tree_at(lambda p: p.targets, problem, targets))

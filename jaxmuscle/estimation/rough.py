@@ -136,14 +136,9 @@ def _window_residuals(
     objective: Objective, number: int, points: Float[np.ndarray, "points k"], window: int
 ) -> Float[np.ndarray, "points n"]:
     """Residuals of all columns in one window at each point."""
-    values = objective.residuals(number, points)[0]
-    begin, found = 0, []
-    for link in objective.stations[number].actuator.links:
-        weights = objective.stations[number].problem.weights[link.output]
-        table = values[:, begin : begin + weights.size].reshape(-1, *weights.shape)
-        begin += weights.size
-        found.append(table[:, window].reshape(len(points), -1))
-    return np.concatenate(found, axis=1)
+    by_output = objective.stations[number].layout.split(objective.residuals(number, points)[0])
+    own = [values[:, window].reshape(len(points), -1) for values in by_output.values()]
+    return np.concatenate(own, axis=1)
 
 
 def _silenced(line: Series, key: Key) -> Series:

@@ -45,26 +45,20 @@ def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
     for number, station in enumerate(objective.stations):
         deviation, slopes = (part[0] for part in objective.deviations(number, u[None]))
         residual, slopes = station.whitened(deviation), station.whitened(slopes)
-        index, begin, rows = objective.unknowns.acting_on(number), 0, len(station.recording)
-        at = np.asarray(station.problem.rows)[:, None] + np.arange(station.problem.samples)
-        for link in station.actuator.links:
-            weights = np.asarray(station.problem.weights[link.output])
-            part = slice(begin, begin + weights.size)
-            begin += weights.size
-            names = station.actuator.outputs[link.output]
-            shape = (*weights.shape[:2], len(names))
-            inside = (weights > 0).reshape(shape)
-            both = [each[part].reshape(shape) for each in (residual, deviation - residual)]
-            tangents = slopes[:, part].reshape(-1, *shape)
+        index, rows, layout = objective.unknowns.acting_on(number), len(station.recording), station.layout
+        by_output = [layout.split(each) for each in (residual, deviation - residual, slopes)]
+        for output, names in layout.columns.items():
+            inside = layout.table(output, station.problem.weights[output]) > 0
+            *both, tangents = (each[output] for each in by_output)
             for i, column in enumerate(names):
-                where = at[inside[..., i]]
+                where = layout.rows[inside[..., i]]
                 counts, matrix = np.zeros(rows, dtype=bool), np.zeros((len(u), rows))
                 counts[where] = True
                 matrix[np.ix_(index, where)] = tangents[..., i][:, inside[..., i]]
                 line, shared = (_placed(rows, where, each[..., i][inside[..., i]]) for each in both)
                 window = np.full(rows, -1, dtype=np.int64)
-                window[where] = np.broadcast_to(np.arange(len(at))[:, None], at.shape)[inside[..., i]]
-                found.append(Series(number, link.output, column, counts, line, matrix, window, shared))
+                window[where] = np.nonzero(inside[..., i])[0]
+                found.append(Series(number, output, column, counts, line, matrix, window, shared))
     return found
 
 

@@ -17,6 +17,7 @@ from jaxmuscle.estimation.missing import Mask, usable
 from jaxmuscle.estimation.whitening import Whitening
 from jaxmuscle.fitting.case import case
 from jaxmuscle.fitting.problem import Problem
+from jaxmuscle.fitting.residual_layout import ResidualLayout
 from jaxmuscle.recordings.recording import Recording
 
 
@@ -48,6 +49,11 @@ class Station:
     def samples(self) -> int:
         """Readings that count."""
         return sum(int((np.asarray(w) > 0).sum()) for w in self.problem.weights.values())
+
+    @cached_property
+    def layout(self) -> ResidualLayout:
+        """The order of its residuals."""
+        return ResidualLayout.of(self.actuator, self.problem)
 
     @cached_property
     def _whitening(self) -> Whitening | None:
@@ -98,7 +104,7 @@ def station(
     card = dataclasses.replace(recording.card, noise={**recording.card.noise, **noise})
     prepared = case(dataclasses.replace(found.recording, card=card), found.cut, actuator=actuator, twice=True)
     problem = prepared.training
-    inside = np.minimum(np.asarray(problem.rows)[:, None] + np.arange(problem.samples), len(recording) - 1)
+    inside = problem.sample_rows
     counts = {
         out: ~rows[inside] if problem.weights[out].ndim > 2 else ~rows[inside][..., 0]
         for out, rows in found.ignored.items()

@@ -44,7 +44,7 @@ class Unknowns:
 
     A parameter that is positive has u = ln θ, any other u = θ / scale. Bounds are kept by the descent, not
     by a transform: at a bound the slope is what it is, and a value may end exactly there. The prior counts
-    as one more residual, (θ - mean)/std, of a positive one mean·ln(θ/mean)/std, as in `fitting.free`.
+    as one more residual, (θ - mean)/std, of a positive one mean·ln(θ/mean)/std.
     """
 
     def __init__(self, entries: Sequence[Unknown]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from jaxmuscle.fitting.windows import Windows
+from jaxmuscle.fitting.windows import Windows, sample_rows
 from jaxmuscle.recordings.track import Observed
 from jaxmuscle.simulation import Track
 
@@ -37,6 +37,11 @@ class Problem(eqx.Module):
     total: int = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
     begin: dict[str, Array] = eqx.field(default_factory=dict)
+
+    @property
+    def sample_rows(self) -> Int[np.ndarray, "windows samples"]:
+        """Row of the recording that each sample of each window is."""
+        return sample_rows(np.asarray(self.rows), self.samples, self.track.command.shape[0])
 
     def with_weights(self, weights: Residuals) -> Problem:
         """A copy with other weights."""
@@ -72,7 +77,7 @@ class Problem(eqx.Module):
 
 def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
     """Cut `observed` into `windows`, weighted by the sensors' noise."""
-    index = np.minimum(windows.rows[:, None] + np.arange(windows.samples), observed.samples - 1)
+    index = windows.sample_rows(observed.samples)
     targets = {out: np.asarray(values)[index] for out, values in observed.outputs.items()}
     # By NumPy, here and wherever a recording is made ready: JAX would compile every operation by itself.
     with np.errstate(divide="ignore", invalid="ignore"):

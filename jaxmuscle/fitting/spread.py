@@ -66,7 +66,7 @@ def _neighbours(values: Line, problem: Problem) -> tuple[Line, Line]:
 
     A held-out sample next to the windows must not reach even their weights.
     """
-    rows = np.minimum(np.asarray(problem.rows)[:, None] + np.arange(problem.samples), len(values) - 1)
+    rows = problem.sample_rows
     counts = np.zeros(len(values), dtype=bool)
     for weights in problem.weights.values():
         counts[rows[(np.asarray(weights) > 0).reshape(*rows.shape, -1).any(-1)]] = True

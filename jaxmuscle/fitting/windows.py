@@ -34,10 +34,20 @@ class Windows:
         """Number of windows."""
         return len(self.rows)
 
+    def sample_rows(self, total: int) -> Int[np.ndarray, "windows samples"]:
+        """Row that each sample of each window is, of a recording of `total` rows."""
+        return sample_rows(self.rows, self.samples, total)
+
     def ignoring(self, rows: Bool[np.ndarray, " all"]) -> Windows:
         """The same windows without the given rows of the recording."""
-        inside = np.minimum(self.rows[:, None] + np.arange(self.samples), len(rows) - 1)
-        return dataclasses.replace(self, mask=self.mask & ~np.asarray(rows)[inside])
+        return dataclasses.replace(self, mask=self.mask & ~np.asarray(rows)[self.sample_rows(len(rows))])
+
+
+def sample_rows(
+    first: Int[np.ndarray, " windows"], samples: int, total: int
+) -> Int[np.ndarray, "windows samples"]:
+    """Row of a recording of `total` rows that each sample of windows is; behind the end, the last row."""
+    return np.minimum(first[:, None] + np.arange(samples), total - 1)
 
 
 def cut(
