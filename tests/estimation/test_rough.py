@@ -11,6 +11,7 @@ from jaxmuscle.estimation.covariance import covariance
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.rough import without_rough
 from jaxmuscle.estimation.series import Series
+from jaxmuscle.fitting.residual_layout import ResidualLayout
 
 WINDOWS, LENGTH, ODD = 40, 30, 17
 TRUE = np.array([0.3, -0.2])
@@ -74,13 +75,13 @@ def objective(odd):
         found = [residuals(u, odd) for u in points]
         return np.stack([r for r, _ in found]), np.stack([slopes for _, slopes in found])
 
-    problem = SimpleNamespace(rows=LENGTH * np.arange(WINDOWS), weights={"y": np.ones((WINDOWS, LENGTH))})
+    problem = SimpleNamespace(rows=LENGTH * np.arange(WINDOWS))
     station = SimpleNamespace(
         label="run",
         problem=problem,
         period=LENGTH,
         recording=Clock(),
-        actuator=SimpleNamespace(links=[SimpleNamespace(output="y")]),
+        layout=ResidualLayout({"y": ("y",)}, np.arange(WINDOWS * LENGTH).reshape(WINDOWS, LENGTH)),
     )
     made: Any = SimpleNamespace(unknowns=unknowns(count=2), stations=[station], residuals=at)
     return made
