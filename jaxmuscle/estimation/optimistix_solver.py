@@ -145,7 +145,7 @@ class _Steps:
         else:
             residual, jacobian = np.zeros(len(lane.u) + 1), np.eye(len(lane.u) + 1, len(lane.u))
             residual[-1] = FAR * np.sqrt(2 * lane.cost)
-        given = tuple(map(jnp.asarray, (run.asked, residual, jacobian)))
+        given = jnp.asarray(run.asked), jnp.asarray(residual), jnp.asarray(jacobian)
         run.y, run.state, asked, ended, sound = _stepped(self.solver, run.y, run.state, given)
         run.asked = np.asarray(asked)
         if not sound or not np.isfinite(run.asked).all():

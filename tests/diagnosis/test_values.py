@@ -12,7 +12,6 @@ from oracles.recorded import clock
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.conclude import _estimates
-from jaxmuscle.estimation.fitted import Fitted
 from jaxmuscle.robot import robot
 
 SMALL = 0.1
@@ -99,9 +98,9 @@ def test_other_rigs_keep_the_promise(rig):
 def test_fits_that_disagree_widen_the_deviations():
     """Delete-a-group jackknife: (G-1)/G times the sum of squared deviations from the mean of G fits."""
     machine, paths = bench.model("driven"), ("muscle.initial_radius", "muscle.end_factor")
-    entries: dict[str, Any] = {
-        path: Fitted(7e-3, 1e-5, "m", "", path, True, 7e-3, 0.0, np.inf, 1e-5, 1e-5, 1e-5) for path in paths
-    }
+    entries: dict[str, Any] = {path: SimpleNamespace(value=7e-3, std=1e-5, path=path) for path in paths}
+    for entry in entries.values():
+        entry.unit, entry.meaning = "m", ""
     radii = np.array([6.8e-3, 7.1e-3, 7.2e-3])
     folds = [jm.replace(machine, {paths[0]: radius}) for radius in radii]
     final: Any = SimpleNamespace(parameters=entries)

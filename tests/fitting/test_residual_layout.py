@@ -1,5 +1,6 @@
 """Places of residuals in one vector, against the vector of the estimator and the rows of the recording."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ def swing():
 
 def test_parts_are_those_of_the_residual_vector(swing):
     layout = ResidualLayout.of(swing.actuator, swing.training)
-    vector = np.asarray(residual_vector(np.zeros(0), swing.actuator, swing.training, ()))
+    vector = np.asarray(residual_vector(jnp.zeros(0), swing.actuator, swing.training, ()))
     by_output, found = evaluate(swing.actuator, swing.training), layout.split(vector)
     assert list(found) == [link.output for link in swing.actuator.links]
     for output, values in found.items():
