@@ -97,7 +97,7 @@ def test_independent_residuals_are_ols_but_for_the_parameters_taken_off():
 def test_weights_are_those_of_wls():
     """A weight of statsmodels is one over the variance; residuals and slopes are divided by its root."""
     target, noise = measured(), np.linspace(0.2, 2.0, ROWS)
-    theirs = sm.WLS(target, SLOPES.T, weights=noise**-2).fit()
+    theirs = sm.WLS(target, SLOPES.T, weights=noise**-2).fit()  # pyright: ignore[reportArgumentType]
     found = judged(theirs.params, target / noise, SLOPES / noise)
     np.testing.assert_allclose(np.sqrt(ROWS / (ROWS - COUNT)) * found.independent, theirs.bse, rtol=1e-10)
     clustered = theirs.get_robustcov_results("cluster", groups=WINDOW, use_correction=False)
@@ -187,7 +187,8 @@ def test_autocovariances_of_an_autoregression_are_theirs():
 
 
 def test_autocovariances_with_gaps_are_means_over_the_pairs_that_are_there():
-    values, counts = coloured(500), np.random.default_rng(3).random(500) < 0.7
+    values = coloured(500)
+    counts = np.random.default_rng(3).random(500) < 0.7
     theirs = acovf(
         np.where(counts, values, np.nan), adjusted=True, demean=False, missing="conservative", nlag=8
     )
