@@ -1,11 +1,11 @@
 """Levenberg-Marquardt for many starts at once, within bounds.
 
-Our own beside optimistix, which steps one start, knows no bounds, and cannot be stopped between iterations
-by a deadline when it is compiled as a whole. Measured on two cores (a muscle that lifts a mass, 850 samples,
-four parameters up to 70 % off): from one start 5 evaluations to the minimum, all of residuals and Jacobian;
-`optimistix.LevenbergMarquardt` with the simulation in its program 6, but 22 s to compile it, where the program
-here takes 11 s and serves all stages, starts and profiles. Twenty starts: 97 evaluations in 6 iterations,
-0.06 s; by steps of `optimistix.LevenbergMarquardt` on the same program (`optimistix_solver`) 260 in 42, 0.6 s.
+Our own beside optimistix, which steps one start, knows no bounds, and, compiled as a whole, cannot be stopped
+by a deadline. Measured on two cores that others used too (a muscle that lifts a mass, 850 samples, four
+parameters up to 40 % off): from one start 5 evaluations of residuals and Jacobian to the minimum;
+`optimistix.LevenbergMarquardt` with the simulation in its program 6, but 22 s to compile it, where the
+program here takes 11 s and serves all starts and stages. Twenty starts: 97 evaluations in 6 iterations,
+0.06 s; by the steps of optimistix on the same program (`optimistix_solver`) 260 in 42, 0.6 s.
 """
 
 from __future__ import annotations
