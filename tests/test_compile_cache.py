@@ -22,7 +22,7 @@ machine = jm.actuator(jm.read(jm.sample("lift")).card)
 clock = 0.002 * np.arange(200)
 result = jm.simulate(machine, 3.0 * (clock > 0.05), clock).readings["position"][-1]
 """
-SUM = "result = jax.jit(lambda x: jax.lax.fori_loop(0, 9, lambda i, y: y * y + i, x).sum())(np.ones(9))"
+SUM = "result = jax.jit(lambda x: (x * x).sum())(np.ones(9))"
 PROGRAM = """
 import json, warnings, jaxmuscle as jm, jax, numpy as np
 warnings.simplefilter("error")
