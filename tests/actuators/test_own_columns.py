@@ -13,7 +13,7 @@ from jaxmuscle.analysis import equilibrium
 from jaxmuscle.effects import CommandDelay, LoadDamping
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.beginnings import start_places
-from jaxmuscle.estimation.names import places
+from jaxmuscle.estimation.names import fittable
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.report.write import write
 
@@ -94,7 +94,7 @@ def test_is_fitted_and_told_in_units(recording, tmp_path):
     for told in ("outlet [K]", "torque [N·m]", "flow [g/s]", "intake [l/min]", "speed [°/s]"):
         assert any(label.startswith(told) for label in labels), (told, labels)
     assert eqx.tree_equal(jm.FitResult.load(fit.save(tmp_path / "fit.json")).actuator, fit.actuator)
-    named = {**start_places(fan(), recording), **places(fan(), {})}
+    named = {**start_places(fan(), recording), **fittable(fan(), {})}
     found = {name: named[name].unit for name in ("start.temperature", "start.speed", "offset.torque")}
     assert found == {"start.temperature": "K", "start.speed": "rad/s", "offset.torque": "N m"}
 

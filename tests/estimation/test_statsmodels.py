@@ -24,9 +24,9 @@ from jaxmuscle.estimation.lags import autocovariance
 from jaxmuscle.estimation.lane import Limits, Local, Tolerances
 from jaxmuscle.estimation.loss import LIMIT
 from jaxmuscle.estimation.losses import Huber, Squares, Student
-from jaxmuscle.estimation.names import Place
 from jaxmuscle.estimation.series import Series
 from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS, COUNT = 600, 24, 3
 TIME = np.arange(ROWS) / ROWS
@@ -38,8 +38,8 @@ SQUARES = Squares()
 
 def unknowns():
     """Three without priors or bounds, in units of themselves."""
-    places = [Place(f"p{i}", f"p{i}", 0.0, "", "") for i in range(COUNT)]
-    return Unknowns([Unknown(p.name, p, (0,), 0.0, -np.inf, np.inf, 1.0) for p in places])
+    places = [Parameter(path=f"p{i}", value=0.0) for i in range(COUNT)]
+    return Unknowns([Unknown(p.path, p, (0,), 0.0, -np.inf, np.inf, 1.0) for p in places])
 
 
 def measured(seed=0, rows=ROWS):
