@@ -59,6 +59,7 @@ def test_paths_of_effects_are_taken_apart_and_put_together(rig):
     assert {split_effect(path)[0] for path in effects} == set(machine.effects)
     for path in effects:
         effect, name = split_effect(path)
+        assert effect is not None
         assert effect_path(effect, name) == path
         assert of_effect(effect, {path: 1.0, "effects.other.force": 2.0, "mass": 3.0}) == {name: 1.0}
         assert known_names(machine)[f"{effect}.{name}"].path == path
