@@ -20,6 +20,7 @@ from jaxmuscle.signals import Past
 from jaxmuscle.simulation import Track, start_at_rest
 
 Packed = Float[Array, " states"]
+Readings = Float[Array, " readings"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Situation(eqx.Module):
         back = jax.tree.map(lambda inside, x: (inside - x) / STICKING_TIME, stopped, state)
         return ravel_pytree({name: jax.tree.map(jnp.add, rates[name], back[name]) for name in free})[0]
 
-    def readings(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Packed:
+    def readings(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Readings:
         """All readings as one vector, in the order of the rig's outputs."""
         state = {**self.unpack(packed), **self.held}
         shown = actuator.readings(actuator.signals(state, steady(actuator, command, self.memory)))

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 Operators = Float[Array, "... operators"]
 Thresholds = NDArray | Operators
+Inputs = Float[Array, "..."]
+"""One input for all operators, or one for each of them along the last axis."""
 
 
-def play(memory: Operators, value: Float[Array, "... #operators"], threshold: Thresholds) -> Operators:
+def play(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
     r"""Play operator: :math:`F = \max(v - r, \min(v + r, F^-))`, [W] before (1).
 
     Args:
@@ -25,7 +27,7 @@ def play(memory: Operators, value: Float[Array, "... #operators"], threshold: Th
     return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
 
 
-def stop(memory: Operators, value: Float[Array, "... #operators"], threshold: Thresholds) -> Operators:
+def stop(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
     r"""Stop operator, what the play leaves of its input: :math:`E = v - F`, from -r to r.
 
     `memory` is that of the play operator.
@@ -35,8 +37,8 @@ def stop(memory: Operators, value: Float[Array, "... #operators"], threshold: Th
 
 def enveloped_play(
     memory: Operators,
-    rising: Float[Array, "... #operators"],
-    falling: Float[Array, "... #operators"],
+    rising: Inputs,
+    falling: Inputs,
     threshold: Thresholds,
 ) -> Operators:
     r"""Play between two envelopes: :math:`F = \max(γ_l(v) - r, \min(γ_r(v) + r, F^-))`, [W] (4).

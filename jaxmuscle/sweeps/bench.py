@@ -73,5 +73,5 @@ class Trajectory(eqx.Module):
 
     time: Float[Array, " samples"]
     command: Float[Array, "samples *muscles"]
-    readings: dict[str, Float[Array, "samples *muscles"]]
+    readings: dict[str, Float[Array, "samples ..."]]
     frequency: Float[Array, ""] | None = None

@@ -9,6 +9,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxmuscle import actuators
 from jaxmuscle.errors import InputError, nearest
@@ -143,12 +144,12 @@ def _example(bench: Bench) -> Trajectory:
     """A run of the shapes and types of this bench's, without numbers."""
     samples, machine = len(bench.times), bench.actuator
 
-    def series(columns: int) -> jax.ShapeDtypeStruct:
-        shape = (samples, columns) if columns > 1 else (samples,)
-        return jax.ShapeDtypeStruct(shape, jnp.result_type(float))
+    def series(columns: int) -> Array:
+        return jnp.zeros((samples, columns) if columns > 1 else samples)
 
-    readings = {name: series(len(columns)) for name, columns in machine.outputs.items()}
-    frequency = getattr(bench.command, "frequency", None)
-    number = None if frequency is None else jax.ShapeDtypeStruct((), jnp.result_type(float))
-    made: Any = Trajectory
-    return made(series(1), series(len(machine.commands)), readings, number)
+    def run() -> Trajectory:
+        readings = {name: series(len(columns)) for name, columns in machine.outputs.items()}
+        number = None if getattr(bench.command, "frequency", None) is None else jnp.zeros(())
+        return Trajectory(series(1), series(len(machine.commands)), readings, number)
+
+    return jax.eval_shape(run)

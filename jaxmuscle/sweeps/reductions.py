@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from jaxmuscle.analysis.elimination import solve
 from jaxmuscle.sweeps.bench import Trajectory
@@ -94,7 +94,7 @@ def phase(run: Trajectory, reading: Samples) -> Number:
     return jnp.angle(_response(run, reading))
 
 
-def _response(run: Trajectory, reading: Samples) -> Number:
+def _response(run: Trajectory, reading: Samples) -> Inexact[Array, "*muscles"]:
     r"""Ratio of the first harmonics over whole periods of the second half of the run, by least squares.
 
     A straight line is fitted beside them, so that a slow drift is not taken for a response. A command
