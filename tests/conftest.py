@@ -6,6 +6,11 @@ from pathlib import Path
 
 import jax
 import pytest
+from jaxtyping import install_import_hook
+
+CHECKED = ("analysis", "components", "hysteresis", "recordings", "report", "signals", "sweeps")
+# Before anything imports them: what their annotations say of arrays holds at every call in a test.
+install_import_hook([f"jaxmuscle.{part}" for part in CHECKED], "array_annotations.check")
 
 
 def pytest_configure(config: pytest.Config) -> None:
