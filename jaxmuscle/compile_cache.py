@@ -13,7 +13,7 @@ from platformdirs import user_cache_path
 from jaxmuscle.errors import InputError
 
 MOST_BYTES = 256 * 2**20
-"""Size to which the folder is cut when it is opened. A diagnosis of a rig adds 2 to 4 MB."""
+"""Size to which the folder is cut when it is opened. A diagnosis adds some 2 MB."""
 ENTRY = "-cache"
 """Ending of the files in which JAX keeps a program."""
 SETTINGS = {
