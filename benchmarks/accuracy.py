@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import jaxmuscle as jm
-from jaxmuscle.stepping import CONTROLLED, METHODS
+from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
 
 CLOCK = 0.002 * np.arange(1000)
 COMMAND = np.select([CLOCK % 1 < 0.2, CLOCK % 1 < 0.7], [3.0, -2.0], 1.0)

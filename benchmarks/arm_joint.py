@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators import Held, StateVariable, register
-from jaxmuscle.actuators.base import State
-from jaxmuscle.actuators.pulled import AbstractOpposedMuscles, joint_angles
+from jaxmuscle.actuators.actuator import State
+from jaxmuscle.actuators.joint import AbstractOpposedMuscles, joint_angles
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.parameters import Scalar, parameter

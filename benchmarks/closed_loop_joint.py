@@ -17,7 +17,7 @@ from jaxmuscle.components import antagonist
 from jaxmuscle.control import FuzzyPID, JointModel, Reference, SlidingMode, closed_loop, feedback_on
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import identify, joint_motion, robot_joint
-from jaxmuscle.robot.reference import MEAN_PRESSURE, robot_arm
+from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_arm
 
 AMBIENT, STEP = 101325.0, 2e-3
 INERTIAS = tuple(float(j) for j in np.diag(robot_arm().mass_matrix(jnp.zeros(2))))

@@ -16,8 +16,8 @@ from published_rows import WORDS, Row, aside, assuming, at_most, row
 
 from jaxmuscle.control import Reference, closed_loop
 from jaxmuscle.robot import Pane, joints_along, line, pressure_commands, robot, tip
-from jaxmuscle.robot.reference import MEAN_PRESSURE
 from jaxmuscle.robot.scara import PULLS
+from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE
 
 LOADS = (0.0, 0.5, 1.0, 1.5)
 BEHIND = 5e-3

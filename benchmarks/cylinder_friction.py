@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jaxmuscle  # noqa: F401  (double precision)
-from jaxmuscle.fitting.loops import LoopFit, best_fit
 from jaxmuscle.hysteresis import dahl, play
+from jaxmuscle.hysteresis.loop_fit import LoopFit, best_fit
 from jaxmuscle.parameters import Scalar, parameter
 
 FOLDER = "tudelft_pneumatic_cylinder_friction"

@@ -17,8 +17,8 @@ from peers_build import OPS, caller, quickest
 from peers_methods import onward
 from peers_model import GAS, GRAVITY, nozzle
 
-from jaxmuscle.cores import cores
-from jaxmuscle.estimation.stations import Station
+from jaxmuscle._config import cores
+from jaxmuscle.estimation.dataset import Station
 
 COUNT = 8
 """Parameters."""

@@ -19,7 +19,7 @@ from oracles.plays import classical  # pyright: ignore[reportMissingImports]
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator, Held, Link
-from jaxmuscle.actuators.base import State
+from jaxmuscle.actuators.actuator import State
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect
 from jaxmuscle.hysteresis.operators import play

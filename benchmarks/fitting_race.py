@@ -24,15 +24,14 @@ from fitting_cases import CASES
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from jaxmuscle.estimation.arguments import prepared
-from jaxmuscle.estimation.asked import Asked
-from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import Limits, Local
-from jaxmuscle.estimation.layout import layout
+from jaxmuscle.estimation.dataset import station
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.slopes import residual_vector
-from jaxmuscle.estimation.stations import station
+from jaxmuscle.estimation.parameter_layout import layout
+from jaxmuscle.estimation.prepare import prepared
+from jaxmuscle.estimation.request import Asked
+from jaxmuscle.estimation.residuals import residual_vector
+from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, descend
 from jaxmuscle.parameters import get
 
 FREE = ("valve_area", "valve_time_constant", "polytropic_exponent", "initial_radius", "end_factor", "mass",

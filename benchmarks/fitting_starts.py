@@ -22,11 +22,10 @@ from fitting_casadi import CasadiLift
 from fitting_race import FREE, OFF, SAME, Trace, Vector, local, runners, task
 from numpy.typing import NDArray
 
-from jaxmuscle.cores import cores
-from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lane import Limits, Local
+from jaxmuscle._config import cores
+from jaxmuscle.estimation.multistart import side_by_side
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.search import side_by_side
+from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, descend
 
 MANY_RUNS = 3
 STARTS = 20

@@ -18,7 +18,7 @@ import hysteresis_minor as minor
 import jax
 from published_rows import OWN, Row, aside, at_most, printed, row
 
-from jaxmuscle.hysteresis.published import PUBLISHED_ERRORS
+from jaxmuscle.hysteresis.prandtl_ishlinskii import PUBLISHED_ERRORS
 
 from oracles.relays import MATERIALS  # pyright: ignore[reportMissingImports]  # isort: skip
 

@@ -15,7 +15,7 @@ from published_rows import OWN, Row, aside, assuming, at_most
 from jaxmuscle.control import IntegralInversePID
 from jaxmuscle.control.pid import Controlling
 from jaxmuscle.hysteresis import IntegralInverse, respond
-from jaxmuscle.hysteresis.compensator import Inverting
+from jaxmuscle.hysteresis.compensation import Inverting
 
 PUBLISHED = {"PID": 1.9912, "classical": 1.4013, "modified": 1.0171}
 """Root mean square errors in the simulations of [W], section 4.1 [deg]."""

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jaxmuscle  # noqa: F401  (double precision)
-from jaxmuscle.fitting.loops import fit_loop, largest_relative_error
 from jaxmuscle.hysteresis import (
     AbstractHysteresis,
     Envelope,
@@ -20,6 +19,7 @@ from jaxmuscle.hysteresis import (
     elbow_modified,
     respond,
 )
+from jaxmuscle.hysteresis.loop_fit import fit_loop, largest_relative_error
 from jaxmuscle.parameters import parameters, replace
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jaxmuscle  # noqa: F401  (double precision)
-from jaxmuscle.fitting.loops import fit_loop
 from jaxmuscle.hysteresis import (
     AbstractHysteresis,
     Envelope,
@@ -21,6 +20,7 @@ from jaxmuscle.hysteresis import (
     midline,
     respond,
 )
+from jaxmuscle.hysteresis.loop_fit import fit_loop
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from oracles.relays import Relays, way  # pyright: ignore[reportMissingImports]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from jaxmuscle.chebyshev import STAGES, stages_of
+from jaxmuscle.simulation.solvers import STAGES, stages_of
 
 TABLES = {
     "heun": (((1.0,),), (1 / 2, 1 / 2)),

@@ -24,7 +24,7 @@ import peers_scipy
 from peers_build import built, caller, compiler
 from peers_model import ACCURACY, COMMAND, KNOTS, VALUES, deviation
 
-from jaxmuscle.cores import cores
+from jaxmuscle._config import cores
 
 CANDIDATES = 9
 CORES = cores()

@@ -17,9 +17,9 @@ from published_rows import OWN, WORDS, Row, as_printed, aside, assuming, at_most
 from jaxmuscle import simulate
 from jaxmuscle.actuators import Isotonic
 from jaxmuscle.components import FlowValve, McKibben, antagonist, described_by_thread
-from jaxmuscle.components.contraction import largest_contraction
+from jaxmuscle.components.mckibben import largest_contraction
 from jaxmuscle.robot import identify, joints_along, line, pressure_commands, robot, robot_joint, tip
-from jaxmuscle.robot.reference import (
+from jaxmuscle.robot.tondu2000 import (
     INITIAL_CONTRACTION,
     MEAN_PRESSURE,
     SPROCKET_RADIUS,

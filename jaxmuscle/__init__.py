@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxmuscle.configuration import prepare
+from jaxmuscle._config import prepare
 
 if TYPE_CHECKING:
     from jaxmuscle import (
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
         signals,
         simulation,
     )
-    from jaxmuscle.configuration import configure
+    from jaxmuscle._config import configure
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
     from jaxmuscle.parameters import describe, parameter, replace
     from jaxmuscle.recordings import Card, Recording, read, recording
     from jaxmuscle.recordings import actuator_from_card as actuator
-    from jaxmuscle.recordings.simulated import simulate
     from jaxmuscle.samples import sample
+    from jaxmuscle.simulation.simulate import simulate
     from jaxmuscle.sweeps import commands, sweep
 
 __version__ = "0.1.0"
@@ -51,7 +51,7 @@ _PLACES = {
     "analysis": ("jaxmuscle.analysis", None),
     "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
-    "configure": ("jaxmuscle.configuration", "configure"),
+    "configure": ("jaxmuscle._config", "configure"),
     "control": ("jaxmuscle.control", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
@@ -68,7 +68,7 @@ _PLACES = {
     "robot": ("jaxmuscle.robot", None),
     "sample": ("jaxmuscle.samples", "sample"),
     "signals": ("jaxmuscle.signals", None),
-    "simulate": ("jaxmuscle.recordings.simulated", "simulate"),
+    "simulate": ("jaxmuscle.simulation.simulate", "simulate"),
     "simulation": ("jaxmuscle.simulation", None),
     "sweep": ("jaxmuscle.sweeps", "sweep"),
 }

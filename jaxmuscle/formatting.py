@@ -1,9 +1,12 @@
-"""Numbers as people write them: a unit of the right size, no more digits than are known."""
+"""Numbers, units and names as people write them: no more digits than are known, plain words for code."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
+
+from jaxmuscle.parameter_names import EFFECTS
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SYMBOLS = {"degC": "°C", "degF": "°F", "deg": "°", "um": "µm", "us": "µs"}
@@ -135,3 +138,35 @@ def _last_place(std: float) -> int:
     begins_with_one = f"{std:.1e}"[0] == "1"
     nearest = _exponent(float(f"{std:.1e}" if begins_with_one else f"{std:.0e}"))
     return nearest - 1 if begins_with_one or f"{std:.0e}"[0] == "1" else nearest
+
+
+FORMULA = re.compile(r":?\s*:math:`[^`]*`.*")
+
+
+def words(name: str) -> str:
+    """``load_friction`` → load friction."""
+    return name.replace("_", " ")
+
+
+def parameter_words(name: str) -> str:
+    """``effects.load_friction.force`` → load friction: force."""
+    return words(name.removeprefix(EFFECTS).replace(".", ": "))
+
+
+def capital(text: str) -> str:
+    """`text` with a capital at its beginning, the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def meaning(docstring: str | None) -> str:
+    """The first line of a docstring without its formula and markup."""
+    line = (docstring or "").strip().partition("\n")[0]
+    return FORMULA.sub(".", line).replace("`", "")
+
+
+def listed(items: Sequence[str], most: int = 4, last: str = "and") -> str:
+    """``a``, ``a and b``, ``a, b and c``; what is beyond `most` is only counted."""
+    shown = list(items)
+    if len(shown) > most:
+        shown = [*shown[: most - 1], f"{len(items) - most + 1} others"]
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} {last} {shown[-1]}"

@@ -1,4 +1,4 @@
-"""How far a long job is: what it is at, the part that is done, the time that it still takes."""
+"""Progress of long jobs and their interruption: what a job is at, the time it still takes, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import threading
 import time
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 PRIOR_SECONDS = 10.0
 """Work that counts as done at the expected speed before anything is done: the first guesses are no jumps."""
@@ -80,3 +81,43 @@ class Meter:
 def in_words(seconds: float) -> str:
     """A time for people: "5 s", "2 min"."""
     return f"{seconds:.0f} s" if seconds < 99.5 else f"{seconds / 60:.0f} min"
+
+
+Result = TypeVar("Result")
+
+LISTENING = 0.1
+"""Seconds between two looks for a Ctrl-C: a wait without end does not hear it on every system."""
+
+
+def interruptible(work: Callable[[], Result], stop: Callable[[], None]) -> Result:
+    """What `work` gives, computed in a thread of its own while this one listens for Ctrl-C.
+
+    A program of XLA holds the thread that calls it until it ends, up to a minute where it compiles. After a
+    `KeyboardInterrupt`, which is raised here at once, `work` goes on to where it next asks whether it is to
+    stop. Python runs handlers of signals in the main thread alone: called from another one, `work` is
+    done there. Exceptions of `work` are raised here.
+
+    Args:
+        stop: called after a Ctrl-C; has `work` end soon.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    outcome: dict[str, Any] = {}
+
+    def run() -> None:
+        try:
+            outcome["result"] = work()
+        except BaseException as error:
+            outcome["error"] = error
+
+    thread = threading.Thread(target=run, name="jaxmuscle", daemon=True)
+    try:
+        thread.start()
+        while thread.is_alive():
+            thread.join(LISTENING)
+    except BaseException:
+        stop()
+        raise
+    if "error" in outcome:
+        raise outcome["error"]
+    return outcome["result"]

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxmuscle import compile_cache
-from jaxmuscle.compile_cache import ENTRY
+from jaxmuscle import _compilation_cache
+from jaxmuscle._compilation_cache import ENTRY
+from jaxmuscle._config import needed
 from jaxmuscle.errors import InputError
-from jaxmuscle.xla_options import needed
 
 CLEAN = {name: value for name, value in os.environ.items() if "COMPILATION_CACHE" not in name}
 """The environment of a process in which nobody has said anything about compiled programs."""
@@ -136,7 +136,7 @@ def test_a_folder_of_ones_own_that_cannot_be_written(tmp_path):
         config=SimpleNamespace(jax_enable_compilation_cache=True, jax_compilation_cache_dir=None)
     )
     with pytest.raises(InputError, match="expected a folder that can be written"):
-        compile_cache.switch_on(jax, tmp_path / "file" / "programs")
+        _compilation_cache.switch_on(jax, tmp_path / "file" / "programs")
 
 
 @pytest.mark.parametrize("switch", [SWITCH, SWITCH + "\njm.configure(compile_cache=False)"])
@@ -174,7 +174,7 @@ def test_the_oldest_programs_go_when_the_folder_is_full(tmp_path):
         entry.write_bytes(bytes(1000))
         os.utime(entry, (1e9 - age, 1e9 - age))
     (tmp_path / "else").write_bytes(bytes(10_000))
-    compile_cache._shorten(tmp_path, 3500)
+    _compilation_cache._shorten(tmp_path, 3500)
     assert [entry.name for entry in entries(tmp_path)] == [f"jit_{age}{ENTRY}" for age in range(3)]
     assert (tmp_path / "else").exists()
 

@@ -14,19 +14,19 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parent
-MUSCLE, FRICTION = "components.muscle.McKibben", "effects.friction.ThreadFriction"
+MUSCLE, FRICTION = "components.mckibben.McKibben", "effects.friction.ThreadFriction"
 ANTAGONIST = "components.antagonist"
-PIPE, RECEIVER = "components.jetpipe.JetPipe", "components.receiver.Receiver"
-CYLINDER, PISTON = "components.cylinder.Cylinder", "components.piston.Piston"
-MODIFIED = "hysteresis.modified.ModifiedPrandtlIshlinskii"
-JET_TEST = "actuators/test_jetpipe.py"
+PIPE, RECEIVER = "components.jet_pipe_valve.JetPipe", "components.jet_pipe_valve.Receiver"
+CYLINDER, PISTON = "components.cylinder.Cylinder", "components.cylinder.Piston"
+MODIFIED = "hysteresis.prandtl_ishlinskii.ModifiedPrandtlIshlinskii"
+JET_TEST = "actuators/test_jet_pipe.py"
 SAME = f"{JET_TEST}::test_equals_oracle"
 AREAS = f"{JET_TEST}::test_areas_and_leak_are_those_of_the_oracle"
-PISTON_SAME = "actuators/test_jetpipe_piston.py::test_equals_oracle"
-GAS, CHAMBER = "components/test_gas.py", "components/test_chamber.py"
-MUSCLE_TEST, PAIR_TEST = "components/test_muscle.py", "components/test_antagonist.py"
+PISTON_SAME = "actuators/test_jet_pipe_piston.py::test_equals_oracle"
+GAS, CHAMBER = "components/test_gas.py", "components/test_gas.py"
+MUSCLE_TEST, PAIR_TEST = "components/test_mckibben.py", "components/test_antagonist.py"
 RUB_TEST, LIFT_TEST = "effects/test_friction.py", "components/test_contraction.py"
-LINEAR_TEST = "analysis/test_linearise.py"
+LINEAR_TEST = "analysis/test_linear_model.py"
 LOOPS_TEST = "hysteresis/test_properties.py"
 
 EQUATIONS = (
@@ -34,12 +34,12 @@ EQUATIONS = (
     ("[T] 3", f"{MUSCLE}.volume", f"{MUSCLE_TEST}::test_volume_and_its_slope_equal_the_oracle"),
     ("[T] 4", f"{MUSCLE}.force", f"{MUSCLE_TEST}::test_force_is_the_work_of_the_volume"),
     ("[T] 5", f"{MUSCLE}.force", f"{MUSCLE_TEST}::test_largest_force_of_the_reference_muscle"),
-    ("[T] 5", "components.contraction.largest_contraction",
+    ("[T] 5", "components.mckibben.largest_contraction",
      f"{MUSCLE_TEST}::test_largest_contraction_in_closed_form"),
-    ("[T] 6", "components.schulte.ThreadMuscle.force",
-     "components/test_schulte.py::test_force_is_equal_over_the_whole_range"),
+    ("[T] 6", "components.mckibben.ThreadMuscle.force",
+     "components/test_mckibben.py::test_force_is_equal_over_the_whole_range"),
     ("[T] 7", f"{MUSCLE}.force", f"{MUSCLE_TEST}::test_equals_schultes_form"),
-    ("[T] 8", "components.contraction.largest_contraction",
+    ("[T] 8", "components.mckibben.largest_contraction",
      f"{MUSCLE_TEST}::test_largest_contraction_of_the_reference_muscle"),
     ("[T] 10", "effects.muscle.PressureDependentEnds",
      "effects/test_forces.py::test_ends_of_the_reference_muscle"),
@@ -51,7 +51,7 @@ EQUATIONS = (
     ("[T] 17", FRICTION, f"{LIFT_TEST}::test_more_force_while_lengthening_than_while_contracting"),
     ("[T] 18", "actuators.isotonic.Isotonic",
      "actuators/test_isotonic.py::test_lifts_off_when_the_force_reaches_the_weight"),
-    ("[T] 18", "components.contraction.lift_off_pressure",
+    ("[T] 18", "components.mckibben.lift_off_pressure",
      f"{LIFT_TEST}::test_lifts_off_at_the_pressure_of_the_closed_form"),
     # The antagonist section counts 17 to 19 again.
     ("[T] 17", f"{ANTAGONIST}.torque", f"{PAIR_TEST}::test_torque_is_that_of_two_muscles"),
@@ -62,18 +62,18 @@ EQUATIONS = (
      f"{PAIR_TEST}::test_hogans_form_is_that_of_the_muscles_without_the_quadratic_term"),
     ("[T] 21", f"{ANTAGONIST}.static_gain", f"{PAIR_TEST}::test_static_gain_is_the_slope_of_the_equilibrium"),
     ("[T] 21", f"{ANTAGONIST}.stiffness", f"{PAIR_TEST}::test_stiffness_is_the_slope_of_the_torque"),
-    ("[T] 26", "control.sliding.SlidingMode",
-     "control/test_sliding.py::test_switching_is_that_of_harashima_on_the_line_of_equation_26"),
-    ("[T] 28", "control.sliding.JointModel",
-     "control/test_sliding.py::test_follows_a_sine_on_the_joint_that_was_identified"),
-    ("[T] 28", "robot.identification.SecondOrder",
-     "robot/test_identification.py::test_response_equals_an_ode_solver"),
-    ("[T] 29", "control.sliding.SlidingMode.equivalent",
-     "control/test_sliding.py::test_equation_29_keeps_the_error_on_its_line"),
-    *((f"[H] 2.{n}", "components.driver.CurrentDriver.current_rate",
+    ("[T] 26", "control.sliding_mode.SlidingMode",
+     "control/test_sliding_mode.py::test_switching_is_that_of_harashima_on_the_line_of_equation_26"),
+    ("[T] 28", "control.sliding_mode.JointModel",
+     "control/test_sliding_mode.py::test_follows_a_sine_on_the_joint_that_was_identified"),
+    ("[T] 28", "robot.second_order.SecondOrder",
+     "robot/test_second_order.py::test_response_equals_an_ode_solver"),
+    ("[T] 29", "control.sliding_mode.SlidingMode.equivalent",
+     "control/test_sliding_mode.py::test_equation_29_keeps_the_error_on_its_line"),
+    *((f"[H] 2.{n}", "components.valves.CurrentDriver.current_rate",
        f"{LINEAR_TEST}::test_driver_and_jet_pipe_of_table_4_1") for n in (1, 2, 3)),
-    ("[H] 2.3", "components.driver.CurrentDriver.steady_current",
-     "components/test_driver.py::test_settles_at_its_static_characteristic"),
+    ("[H] 2.3", "components.valves.CurrentDriver.steady_current",
+     "components/test_valves.py::test_settles_at_its_static_characteristic"),
     ("[H] 2.4", f"{PIPE}.tip_force", SAME),
     ("[H] 2.5", f"{PIPE}.static_position", SAME),
     ("[H] 2.6", PIPE, f"{LINEAR_TEST}::test_driver_and_jet_pipe_of_table_4_1"),
@@ -85,9 +85,9 @@ EQUATIONS = (
     *((f"[H] 2.{n}", "components.gas.nozzle_flow", f"{GAS}::test_subsonic_flow_follows_the_energy_balance")
       for n in (18, 21, 22)),
     ("[H] 2.23", f"{CYLINDER}.leak", AREAS),
-    ("[H] 2.24", "actuators.jetpipe.JetPipeActuator", SAME),
-    ("[H] 2.25", "actuators.jetpipe.JetPipeActuator", SAME),
-    *((f"[H] 2.{n}", "components.chamber.ChamberGas", f"{CHAMBER}::test_closed_chamber_is_adiabatic")
+    ("[H] 2.24", "actuators.jet_pipe.JetPipeActuator", SAME),
+    ("[H] 2.25", "actuators.jet_pipe.JetPipeActuator", SAME),
+    *((f"[H] 2.{n}", "components.gas.ChamberGas", f"{CHAMBER}::test_closed_chamber_is_adiabatic")
       for n in range(26, 30)),
     ("[H] 2.29", f"{CYLINDER}.pressure_rate", SAME),
     ("[H] 2.30", f"{CYLINDER}.volumes", SAME),
@@ -100,22 +100,23 @@ EQUATIONS = (
     ("[H] 2.36", f"{CYLINDER}.force", f"{JET_TEST}::test_full_jet_force"),
     *((f"[H] 2.{n}", f"{PISTON}.rod_force", f"{CHAMBER}::test_piston_without_gap_hangs_on_spring_and_stopper")
       for n in (37, 38)),
-    ("[H] 4.2", "control.proportional.ProportionalForce",
-     "control/test_proportional.py::test_feedforward_takes_away_the_error_at_rest"),
-    *((f"[H] 4.{n}", "analysis.linearise.linearise",
+    ("[H] 4.2", "control.force.ProportionalForce",
+     "control/test_force.py::test_feedforward_takes_away_the_error_at_rest"),
+    *((f"[H] 4.{n}", "analysis.linear_model.linearise",
        f"{LINEAR_TEST}::test_equals_the_matrices_of_chapter_4") for n in range(3, 34)),
     ("[W] 1", "hysteresis.operators.play",
      "effects/test_hysteresis.py::test_play_follows_its_input_at_a_distance"),
-    ("[W] 1", "hysteresis.classical.PrandtlIshlinskii", f"{LOOPS_TEST}::test_classical_equals_its_equations"),
+    ("[W] 1", "hysteresis.prandtl_ishlinskii.PrandtlIshlinskii",
+     f"{LOOPS_TEST}::test_classical_equals_its_equations"),
     ("[W] 2", MODIFIED, f"{LOOPS_TEST}::test_table_2_equals_its_equations"),
-    ("[W] 3", "hysteresis.classical.exponential_density",
+    ("[W] 3", "hysteresis.prandtl_ishlinskii.exponential_density",
      f"{LOOPS_TEST}::test_exponential_density_equals_its_equation"),
-    ("[W] 4", "hysteresis.modified.Envelope", f"{LOOPS_TEST}::test_table_2_equals_its_equations"),
-    ("[W] 5", "hysteresis.classical.spaced_thresholds",
+    ("[W] 4", "hysteresis.prandtl_ishlinskii.Envelope", f"{LOOPS_TEST}::test_table_2_equals_its_equations"),
+    ("[W] 5", "hysteresis.prandtl_ishlinskii.spaced_thresholds",
      f"{LOOPS_TEST}::test_exponential_density_equals_its_equation"),
     ("[W] 6", MODIFIED, f"{LOOPS_TEST}::test_table_2_equals_its_equations"),
-    ("[W] 7", "hysteresis.compensator.IntegralInverse",
-     "hysteresis/test_inverse.py::test_integral_inverse_approaches_the_analytic_one"),
+    ("[W] 7", "hysteresis.compensation.IntegralInverse",
+     "hysteresis/test_compensation.py::test_integral_inverse_approaches_the_analytic_one"),
     ("[W] 7", "control.pid.IntegralInversePID", "control/test_pid.py::test_pid_is_its_equation"),
 )  # fmt: skip
 """Equation, object of the package whose docstring cites it, test of it."""

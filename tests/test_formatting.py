@@ -1,10 +1,14 @@
-"""Numbers as people write them."""
+"""Numbers as people write them.
+
+Names of the code in plain words.
+"""
 
 import math
 
 import pytest
 
 from jaxmuscle import formatting
+from jaxmuscle.formatting import listed, meaning
 
 
 @pytest.mark.parametrize(
@@ -97,3 +101,29 @@ def test_columns_of_a_table_are_aligned() -> None:
     text = formatting.aligned(("name", "value"), [("mass", "8 kg"), ("end_factor", "1.3")])
     assert text.split("\n") == ["name        value", "mass        8 kg", "end_factor  1.3"]
     assert formatting.aligned(("name", "value"), []) == "name  value"
+
+
+@pytest.mark.parametrize(
+    ("docstring", "text"),
+    [
+        (r"Viscous damping: :math:`ΔF = -d\,v`; v in m/s." + "\n\nMore.", "Viscous damping."),
+        ("The command acts `delay` seconds late.", "The command acts delay seconds late."),
+        ("\n    Begins on the second line.\n    Goes on.", "Begins on the second line."),
+        (None, ""),
+    ],
+)
+def test_meaning_is_the_first_line_without_markup(docstring: str | None, text: str) -> None:
+    assert meaning(docstring) == text
+
+
+@pytest.mark.parametrize(
+    ("items", "text"),
+    [
+        (["a"], "a"),
+        (["a", "b"], "a and b"),
+        (["a", "b", "c", "d"], "a, b, c and d"),
+        (["a", "b", "c", "d", "e"], "a, b, c and 2 others"),
+    ],
+)
+def test_long_lists_are_counted(items: list[str], text: str) -> None:
+    assert listed(items) == text

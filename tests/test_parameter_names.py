@@ -7,7 +7,7 @@ from oracles import bench
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.estimation.names import fittable
+from jaxmuscle.estimation.fittable_parameters import fittable
 from jaxmuscle.parameter_names import (
     card_name,
     column_of_offset,
@@ -22,8 +22,8 @@ from jaxmuscle.parameter_names import (
 from jaxmuscle.parameters import get, parameter, parameters
 from jaxmuscle.recordings import Card
 from jaxmuscle.samples import sample
-from jaxmuscle.sweeps.names import swept
-from jaxmuscle.sweeps.setup import bench_of
+from jaxmuscle.sweeps.operating_points import swept
+from jaxmuscle.sweeps.scenario import bench_of
 
 FULL = {rig: bench.model(rig, [effect.name for effect in bench.offered(rig)]) for rig in RIGS}
 

@@ -1,15 +1,22 @@
-"""How far a job is, and its end by Ctrl-C."""
+"""How far a job is, and its end by Ctrl-C.
+
+Ctrl-C ends the real program at once, and nothing is left half-written.
+"""
 
 import _thread
+import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 from rich.console import Console
 
-from jaxmuscle.cli import shown
-from jaxmuscle.interruptible import interruptible
-from jaxmuscle.progress import Meter, Progress, Stopped, in_words
+from jaxmuscle.cli import INTERRUPTED
+from jaxmuscle.cli import console as shown
+from jaxmuscle.progress import Meter, Progress, Stopped, in_words, interruptible
 
 
 def reports(*work, expected):
@@ -124,3 +131,40 @@ def test_a_bar_with_the_fraction_and_the_time_left_in_a_terminal():
         time.sleep(0.3)
     text = console.export_text()
     assert "trying [creep]" in text and "42%" in text and "about 12 s left" in text
+
+
+SECONDS = 5.0
+"""Far more than the end takes on a busy machine, far less than the compilation that is under way."""
+
+
+@pytest.mark.usefixtures("interrupts")
+@pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
+@pytest.mark.parametrize(
+    "wait_for", ["fitting the declared model", pytest.param("trying", marks=pytest.mark.slow)]
+)
+def test_ctrl_c_ends_a_diagnosis_at_once(tmp_path, wait_for):
+    """It had waited for all that was being compiled, 41 s."""
+    program = subprocess.Popen(
+        [sys.executable, "-m", "jaxmuscle.cli", "diagnose"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert program.stderr is not None
+    for line in program.stderr:
+        if wait_for in line:
+            break
+    time.sleep(1.0)
+    assert program.poll() is None, "over before it could be interrupted"
+    begin = time.monotonic()
+    program.send_signal(signal.SIGINT)
+    program.wait(60)
+    took = time.monotonic() - begin
+    assert program.returncode == INTERRUPTED
+    assert took < SECONDS, f"{took:.1f} s"
+    rest = program.stderr.read()
+    assert "interrupted" in rest and "Traceback" not in rest
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not written
+    program.stderr.close()
+    assert program.stdout is not None
+    program.stdout.close()

@@ -10,10 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
-from jaxmuscle.components.contact import tension
+from jaxmuscle.components.cylinder import tension
 from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_velocity, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals

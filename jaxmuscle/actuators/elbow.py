@@ -9,9 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import Held, State
-from jaxmuscle.actuators.channel import ControlChannel
-from jaxmuscle.actuators.regulated import AbstractRegulated, regulated_pressures
+from jaxmuscle.actuators.actuator import Held, State
+from jaxmuscle.actuators.control_channel import ControlChannel
+from jaxmuscle.actuators.joint import AbstractRegulated, regulated_pressures
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import PressureRegulator
 from jaxmuscle.effects.base import AbstractEffect, state_rates

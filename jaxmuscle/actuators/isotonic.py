@@ -10,10 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.variables import Command, Reading, StateVariable
 from jaxmuscle.components import FlowValve, McKibben
-from jaxmuscle.components.contact import stopped, stopped_acceleration, tension
+from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
 from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter

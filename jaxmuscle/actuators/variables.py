@@ -1,4 +1,4 @@
-"""The state variables, commands and readings of a rig, as it declares them: names, units, columns."""
+"""Variables of a rig as it declares them: states, commands and readings with names, units and columns."""
 
 from __future__ import annotations
 

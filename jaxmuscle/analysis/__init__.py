@@ -1,7 +1,6 @@
-"""Operating points of a machine and its linear behaviour about them."""
+"""Analysis of an actuator: operating points, and its linear behaviour about them."""
 
-from jaxmuscle.analysis.equilibrium import OperatingPoint, equilibrium, equilibrium_at
-from jaxmuscle.analysis.linear import LinearModel
-from jaxmuscle.analysis.linearise import linearise
+from jaxmuscle.analysis.linear_model import LinearModel, linearise
+from jaxmuscle.analysis.operating_point import OperatingPoint, equilibrium, equilibrium_at
 
 __all__ = ["LinearModel", "OperatingPoint", "equilibrium", "equilibrium_at", "linearise"]

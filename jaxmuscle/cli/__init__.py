@@ -9,12 +9,8 @@ from typing import Annotated
 import typer
 
 import jaxmuscle
-from jaxmuscle.cli.diagnose import diagnose
-from jaxmuscle.cli.effects import effects
-from jaxmuscle.cli.faults import BAD_INPUT, FAULT, INTERRUPTED
-from jaxmuscle.cli.fit import fit
-from jaxmuscle.cli.shown import WIDE
-from jaxmuscle.cli.sweep import sweep
+from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
+from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
 
 __all__ = [
     "BAD_INPUT",

@@ -1,17 +1,10 @@
 """Equations of the parts of a machine: gas, valves, cylinder, muscle. No states, no wiring."""
 
-from jaxmuscle.components.chamber import ChamberGas
-from jaxmuscle.components.cylinder import Cylinder
-from jaxmuscle.components.driver import CurrentDriver
-from jaxmuscle.components.gas import nozzle_flow
-from jaxmuscle.components.jetpipe import JetPipe
-from jaxmuscle.components.muscle import McKibben
-from jaxmuscle.components.overlap import circle_overlap
-from jaxmuscle.components.piston import Piston
-from jaxmuscle.components.receiver import Receiver
-from jaxmuscle.components.regulator import PressureRegulator
-from jaxmuscle.components.schulte import ThreadMuscle, described_by_thread
-from jaxmuscle.components.valve import FlowValve
+from jaxmuscle.components.cylinder import Cylinder, Piston
+from jaxmuscle.components.gas import ChamberGas, nozzle_flow
+from jaxmuscle.components.jet_pipe_valve import JetPipe, Receiver, circle_overlap
+from jaxmuscle.components.mckibben import McKibben, ThreadMuscle, described_by_thread
+from jaxmuscle.components.valves import CurrentDriver, FlowValve, PressureRegulator
 
 __all__ = [
     "ChamberGas",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxmuscle.components.muscle import McKibben
+from jaxmuscle.components.mckibben import McKibben
 from jaxmuscle.parameters import Scalar
 
 Value = Float[Array, "..."]

@@ -3,12 +3,11 @@ closes them over a machine.
 """
 
 from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
-from jaxmuscle.control.pid import IntegralInversePID
-from jaxmuscle.control.proportional import ProportionalForce, StaticCurve
-from jaxmuscle.control.scheduled import ScheduledPID
-from jaxmuscle.control.sliding import JointModel, Reference, SlidingMode
+from jaxmuscle.control.pid import IntegralInversePID, ScheduledPID
+from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
 
 __all__ = [
     "MACVICAR_WHELAN",

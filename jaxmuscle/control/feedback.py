@@ -1,4 +1,4 @@
-"""From a controller of one reading to the command of a whole machine."""
+"""Wiring of a controller of one reading to the command of a whole actuator."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.actuators.registry import RIGS
-from jaxmuscle.control.sliding import Reference
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.sliding_mode import Reference
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.recordings.units import KINDS, is_same_unit
+from jaxmuscle.units import KINDS, is_same_unit
 
 Commands = Float[Array, "*commands"]
 

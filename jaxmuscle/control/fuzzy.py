@@ -1,4 +1,4 @@
-"""The fuzzy PID that [T] sets beside its variable-structure controller."""
+"""Fuzzy PID controller that [T] sets beside its variable-structure controller."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxmuscle.control.checks import check_signs, integrated, smoothed
+from jaxmuscle.control.pid import check_signs, integrated, smoothed
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
 

@@ -1,4 +1,4 @@
-"""A machine under a controller, sample by sample."""
+"""Closed loop: an actuator under a controller, sample by sample."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings.commanded import commanded_track, sampling_step
-from jaxmuscle.recordings.steps import Steps, steps_of
 from jaxmuscle.simulation import Feedback, Track, run, start_at_rest
+from jaxmuscle.simulation.simulate import Steps, steps_of
+from jaxmuscle.simulation.track import commanded_track, sampling_step
 
 
 class Controller(Protocol):

@@ -1,17 +1,52 @@
-"""The PID of [W], with a model run inside it that takes the hysteresis out of its way."""
+"""PID controllers of [W]: with a model run inside that takes the hysteresis out of the way, and "piecewise",
+with gains by the range that the wanted angle lies in. What sampled controllers have in common stands first.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
+import jax.core
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
-from jaxmuscle.control.checks import check_signs, integrated
+from jaxmuscle.errors import InputError
 from jaxmuscle.hysteresis import IntegralInverse
-from jaxmuscle.hysteresis.compensator import Inverting
+from jaxmuscle.hysteresis.compensation import Inverting
 from jaxmuscle.parameters import Scalar, parameter
+
+Value = Float[Array, ""]
+
+
+def check_signs(controller: eqx.Module) -> None:
+    """Raise `InputError` for a gain, a time or a limit whose sign its declaration does not allow.
+
+    Traced values pass: inside a transformation nothing is known of them.
+    """
+    for field in dataclasses.fields(controller):
+        value = getattr(controller, field.name)
+        positive, nonnegative = (field.metadata.get(key) for key in ("positive", "nonnegative"))
+        if isinstance(value, jax.core.Tracer) or not (positive or nonnegative):
+            continue
+        if not bool((value > 0).all() if positive else (value >= 0).all()):
+            least, meaning = "above zero" if positive else "zero or above", field.metadata["meaning"]
+            raise InputError(
+                f"{type(controller).__name__}: expected {field.name} ({meaning}) {least}; got {value}"
+            )
+
+
+def smoothed(before: Value, now: Value, time_constant: Value, step: float | Value) -> Value:
+    """First-order low pass of samples, implicit: `before` [same unit as `now`] one `step` [s] later."""
+    keep = time_constant / (time_constant + step)
+    return keep * before + (1 - keep) * now
+
+
+def integrated(before: Value, after: Value, output: Value, lowest: Value, highest: Value) -> Value:
+    """An integral that waits where it would go the way on which the output is already beyond its limit."""
+    waits = ((output > highest) & (after > before)) | ((output < lowest) & (after < before))
+    return jnp.where(waits, before, after)
 
 
 class Controlling(eqx.Module):
@@ -77,3 +112,56 @@ class IntegralInversePID(eqx.Module):
         value = jnp.clip(after.inverting.value, lowest, highest)
         inverting = Inverting(value, self.inverse.model.update(before.inverting.memory, value))
         return Controlling(inverting, integral, after.error)
+
+
+Gains = Float[Array, " ranges"]
+
+
+class ScheduledPID(eqx.Module):
+    r"""PID of [W] (7) whose gains hold in ranges of the reference, with or without an inverse ahead of it.
+
+    :math:`u = u_1 + K_{p,j}\,(e + \frac1{T_{i,j}} \int e\,dt + T_{d,j}\,\dot e)`, j the range of y_d. The
+    numbers of [W] Table 3 are not legible; its angles go from 15° to 90°. One range is the PID of [W] (7).
+    """
+
+    of_one_number: ClassVar = True
+    inverse: IntegralInverse | None
+    edges: Float[Array, " edges"] = parameter("{output}", "ends of the ranges but the last, increasing")
+    proportional: Gains = parameter("{input}/{output}", "gain K_p of each range", nonnegative=True)
+    integral_time: Gains = parameter("s", "integral time T_i of each range", positive=True)
+    derivative_time: Gains = parameter("s", "derivative time T_d of each range", nonnegative=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` unless gains have their sign, ranges are one more than edges, which increase."""
+        check_signs(self)
+        tables = (self.edges, self.proportional, self.integral_time, self.derivative_time)
+        if any(isinstance(table, jax.core.Tracer) for table in tables):
+            return
+        sizes = [table.shape for table in tables]
+        if len(set(sizes[1:])) > 1 or len(sizes[1]) != 1 or sizes[0] != (sizes[1][0] - 1,):
+            raise InputError(f"expected n gains of each kind and n - 1 edges; got edges and gains of {sizes}")
+        if not bool((jnp.diff(self.edges) > 0).all()):
+            raise InputError(f"expected edges that increase; got {self.edges}")
+
+    def start(self, value: float | Array = 0.0) -> Controlling:
+        """At rest, at the input `value`."""
+        return self._at(jnp.asarray(0)).start(value)
+
+    def update(
+        self, state: Controlling, reference: Scalar, measured: Scalar, step: float | Scalar
+    ) -> tuple[Controlling, Scalar]:
+        """The state after a sample of `step` seconds, and the command u until the next."""
+        return self._at(jnp.searchsorted(self.edges, reference, side="right")).update(
+            state, reference, measured, step
+        )
+
+    def without_windup(
+        self, before: Controlling, after: Controlling, output: Scalar, lowest: Scalar, highest: Scalar
+    ) -> Controlling:
+        """As :meth:`IntegralInversePID.without_windup`: the integrals are the same in all ranges."""
+        return self._at(jnp.asarray(0)).without_windup(before, after, output, lowest, highest)
+
+    def _at(self, place: Array) -> IntegralInversePID:
+        """The controller of one range; the integral of the error is shared by all."""
+        gains = (self.proportional, self.integral_time, self.derivative_time)
+        return IntegralInversePID(self.inverse, *(gain[place] for gain in gains))

@@ -1,16 +1,27 @@
-"""Effects that a rig may have and its model lacks: where to start fitting them."""
+"""Candidate effects that a rig may have and its model lacks, and the models that carry them in few
+structures, so that hundreds of fits share few compilations.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.estimation.dataset import Station
+from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
+from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.parameter_layout import unknown_within
+from jaxmuscle.estimation.residuals import BROKEN, evaluate
+from jaxmuscle.estimation.windows import Case, Problem, Residuals
+from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Tolerances, descend
 from jaxmuscle.parameter_names import effect_path, split_effect
-from jaxmuscle.parameters import parameters
+from jaxmuscle.parameters import Parameter, get, parameters, replace
 
 LEVELS = 6
 """Strengths that are tried, of either sign, from one that is just seen to one that explains everything."""
@@ -85,3 +96,159 @@ def strengths(
     misfit = float(np.sqrt((residual**2).sum() / counting))
     sizes = np.geomspace(SEEN, 3 * max(misfit, 1.0), LEVELS) / unit
     return [float(s) for s in (sizes if nonnegative else np.concatenate([sizes, -sizes]))]
+
+
+SPARE = 6
+"""Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
+takes its derivatives in one wider program."""
+FALL = 3e-4
+"""Relative fall of the cost over a step at which a fit of a search ends."""
+SETTLED = (CONVERGED, STALLED)
+"""How a fit ends that more steps would not carry on."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Workbench:
+    """A declared model, the candidates, and how they are fitted.
+
+    Candidates without a state of their own cost next to nothing at zero strength: every model carries them
+    all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
+    them only where they are tried or have been added.
+
+    Attributes:
+        case: the recording, made ready.
+        model: the declared machine with every candidate without a state, at zero strength.
+        declared: paths of the parameters that the card calls uncertain.
+        priors: path → prior of the declared ones; those of the shapes of effects are added to them.
+        width: number of tangents of a fit.
+    """
+
+    case: Case
+    model: AbstractActuator
+    candidates: tuple[type[AbstractEffect], ...]
+    declared: tuple[str, ...]
+    priors: Mapping[str, Prior]
+    width: int
+
+    def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
+        """`model` carrying, of the candidates that have a state, exactly those in `names`."""
+        stateful = [effect for effect in self.candidates if carries_state(effect)]
+        wanted = [effect for effect in stateful if effect.name in names]
+        bare = model.without_effects(*(effect.name for effect in stateful))
+        had = {e.name: model.effects[e.name] for e in wanted if e.name in model.effects}
+        return bare.with_effects(**{effect.name: had.get(effect.name, effect()) for effect in wanted})
+
+    def order(self, model: AbstractActuator) -> list[str]:
+        """Every path that a fit of a model of this structure may ever move."""
+        carried = [effect.name for effect in self.candidates if effect.name in model.effects]
+        return [*self.declared, *(path for name in carried for path in paths_of(model, name))]
+
+    def shape_priors(self, model: AbstractActuator, names: Sequence[str]) -> dict[str, Prior]:
+        """Weak priors on the parameters of effects other than their strengths: their value, by its size.
+
+        They keep a time constant or a threshold that the data say nothing of where it began.
+        """
+        entries, defaults = parameters(model), loaded(self.model, self.candidates)
+        strengths = {strength_path(e) for e in self.candidates}
+        priors = {}
+        for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
+            default = float(get(defaults, path))
+            size = entries[path].typical or abs(default)
+            centre = float(get(model, path)) if entries[path].positive else default
+            priors[path] = Prior(centre, abs(centre) if entries[path].positive else size)
+        return priors
+
+    def free_paths(self, model: AbstractActuator, effects: Sequence[str]) -> list[str]:
+        """Paths that a fit moves: the declared ones and those of `effects`."""
+        return [*self.declared, *(path for name in effects for path in paths_of(model, name))]
+
+    def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
+        """The vector of the parameters `paths`, from their values in `model`, with their priors."""
+        priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
+        free = {path: priors.get(path) for path in paths}
+        return Unknowns([_unknown(entries[path], prior) for path, prior in free.items()])
+
+    def objective(
+        self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
+    ) -> Objective:
+        """The cost of the parameters `paths` on `problem`, in the program that `model`'s structure shares."""
+        case = self.case
+        station = Station(
+            case.recording.name,
+            model,
+            case.recording,
+            case.recording,
+            problem,
+            problem.samples,
+            case.observed.spread,
+        )
+        unknowns = self.unknowns(model, paths, effects)
+        return Objective([station], unknowns, Squares(), 1, tuple(self.order(model)), self.width)
+
+    def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
+        """`model` with its declared parameters back at the values of the card."""
+        return replace(model, {path: prior.mean for path, prior in self.priors.items()})
+
+    def best_fit(
+        self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
+    ) -> tuple[AbstractActuator, Lane]:
+        """The best of the fits that begin at several models."""
+        fits = [self.fit(start, effects, problem, steps) for start in starts]
+        return min(fits, key=lambda fit: fit[1].cost)
+
+    def fit(
+        self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int
+    ) -> tuple[AbstractActuator, Lane]:
+        """`model` with its declared parameters and those of `effects` fitted to `problem`.
+
+        A search compares costs that differ by far more than the last steps to a minimum would lower them: a
+        descent ends when a step lowers the cost by less than :data:`FALL` of it.
+        """
+        model = self.dressed(model, effects)
+        paths = self.free_paths(model, effects)
+        objective = self.objective(model, problem, paths, effects)
+        unknowns, samples = objective.unknowns, objective.samples
+        bounds = (unknowns.lower, unknowns.upper)
+        ends = Tolerances(fall=FALL)
+        limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
+        (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
+        return moved_machine(model, unknowns, lane.u, 0), lane
+
+    def residuals(self, model: AbstractActuator, problem: Problem) -> Residuals:
+        """Weighted residuals, as NumPy arrays."""
+        return {out: np.asarray(r) for out, r in evaluate(model, problem).items()}  # pyright: ignore
+
+    def cost(self, model: AbstractActuator, problem: Problem) -> float:
+        """Half the sum of squared weighted residuals, without priors."""
+        return 0.5 * sum(float((r**2).sum()) for r in self.residuals(model, problem).values())
+
+    def jacobian(
+        self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:
+        """Residual vector and its derivatives with respect to the parameters `paths` (in their own units).
+
+        The residual vector ends with the distances from the priors of the declared parameters and of the
+        shapes of `effects`.
+        """
+        model = self.dressed(model, effects)
+        objective = self.objective(model, problem, paths, effects)
+        unknowns = objective.unknowns
+        point = unknowns.coordinates(unknowns.start)
+        residual, slopes = (each[0] for each in objective.residuals(0, point[None]))
+        to_values = unknowns.slopes(point)
+        priors = unknowns.prior_residuals(point), np.diag(unknowns.prior_slopes / to_values)
+        whole = np.where(np.isfinite(residual), residual, BROKEN)
+        by_value = slopes / to_values[:, None]
+        return np.concatenate([whole, priors[0]]), np.concatenate([by_value, priors[1]], axis=1)
+
+
+def workbench(case: Case, candidates: Sequence[type[AbstractEffect]]) -> Workbench:
+    """Load the actuator of `case` with those of the `candidates` that have no state."""
+    priors = case.priors
+    model = loaded(case.actuator, [effect for effect in candidates if not carries_state(effect)])
+    return Workbench(case, model, tuple(candidates), tuple(priors), dict(priors), len(priors) + SPARE)
+
+
+def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:
+    """One entry of the vector, from its value in the model."""
+    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, (None, None))

@@ -1,4 +1,4 @@
-"""Does one model predict unseen windows better than another?"""
+"""Model comparison on held-out windows: does one model predict them better than another?"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from numpy.typing import NDArray
 from scipy import stats
 
-from jaxmuscle.fitting.problem import Residuals
+from jaxmuscle.estimation.windows import Residuals
 
 TELLING = float(np.log(3.0))
 """Loss above which a block tells two models apart: a mean square of twice the noise."""

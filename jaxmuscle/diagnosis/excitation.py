@@ -1,4 +1,4 @@
-"""What a recording excites: the measured signals that move, and the effects that can show in it."""
+"""Excitation of a recording: the measured signals that move, and the effects that can show in it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, shapes, strength_path
-from jaxmuscle.diagnosis.rates import rates_and_readings
+from jaxmuscle.diagnosis.discrepancy import rates_and_readings
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.fitting.case import Case
+from jaxmuscle.estimation.windows import Case
 from jaxmuscle.parameters import parameters, replace
-from jaxmuscle.recordings.smooth import noise_level
+from jaxmuscle.recordings.smoothing import noise_level
 from jaxmuscle.simulation import Track
 
 Series = NDArray[np.float64]

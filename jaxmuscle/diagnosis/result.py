@@ -1,4 +1,4 @@
-"""What a diagnosis says, as plain data."""
+"""Result of a diagnosis, as plain data."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.estimation.result import FitResult
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.formatting import aligned, estimate, quantity
 from jaxmuscle.recordings.recording import Recording
 

@@ -1,21 +1,31 @@
 """The catalogue of effects. A new effect is a class in one of these files and a line in `CATALOGUE`."""
 
 from jaxmuscle.effects.base import (
+    BY_NAME,
     AbstractEffect,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
+    is_registered,
+    register,
 )
-from jaxmuscle.effects.bladder import BladderHoopStiffness, BladderStiffness
-from jaxmuscle.effects.flow import ChamberLeak, CommandDelay
 from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
-from jaxmuscle.effects.hysteresis import LengthHysteresis
-from jaxmuscle.effects.load import Gravity, LoadDamping
-from jaxmuscle.effects.muscle import MuscleMismatch, PressureDependentEnds
-from jaxmuscle.effects.registry import BY_NAME, is_registered, register
-from jaxmuscle.effects.sensor import ForceSensorLag
-from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
-from jaxmuscle.effects.viscoelastic import Creep
+from jaxmuscle.effects.load import ForceSensorLag, Gravity, LoadDamping
+from jaxmuscle.effects.muscle import (
+    BladderHoopStiffness,
+    BladderStiffness,
+    Creep,
+    LengthHysteresis,
+    MuscleMismatch,
+    PressureDependentEnds,
+)
+from jaxmuscle.effects.valve import (
+    ChamberLeak,
+    CommandDelay,
+    CurrentSaturation,
+    FrameValveHysteresis,
+    ValveHysteresis,
+)
 
 CATALOGUE: tuple[type[AbstractEffect], ...] = (
     CommandDelay,

@@ -1,4 +1,6 @@
-"""Static corrections of the ideal muscle force: ends, unequal muscles."""
+"""Effects of the muscle: ends, unequal muscles, stiffness of the bladder, hysteresis of the length by play
+operators (Prandtl-Ishlinskii), creep.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.components import McKibben
-from jaxmuscle.effects.base import AbstractMuscleEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import (
+    AbstractMemoryEffect,
+    AbstractMuscleEffect,
+    AbstractRateEffect,
+    AbstractStaticEffect,
+)
+from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MUSCLE_FORCE, Signals
 
@@ -58,3 +66,139 @@ class MuscleMismatch(AbstractMuscleEffect):
     def altered(self, muscle: McKibben) -> McKibben:
         radius = muscle.initial_radius * (1 + self.ratio * np.array([0.0, 1.0]))
         return eqx.tree_at(lambda m: m.initial_radius, muscle, radius)
+
+
+class BladderStiffness(AbstractStaticEffect):
+    r"""The rubber bladder resists contraction and takes up part of the pressure.
+
+    .. math:: ΔF = F(ε, \max(P - P_b, 0)) - F(ε, P) - K_b\,ε = -F(ε, \min(P, P_b)) - K_b\,ε
+
+    The force law, in proportion to P, is [T] equation 4 with `end_factor`; below the threshold P_b the braid
+    is not yet taut, and the muscle does not pull. Of a gauge pressure P below zero nothing is taken up.
+    """
+
+    name: ClassVar = "bladder_stiffness"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "pressure"})
+    strength: ClassVar = "stiffness"
+    starts: ClassVar = ({},)
+    source: ClassVar = "elastic bladder, as in Chou and Hannaford's dead-zone"
+
+    stiffness: Scalar = parameter("N", "force per unit of contraction ratio", default=0.0)
+    threshold_pressure: Scalar = parameter("Pa", "pressure taken up by the bladder", default=0.0, typical=2e4)
+
+    def value(self, signals: Signals) -> Array:
+        muscle, gauge = signals.muscle, signals.gauge_pressure
+        below = jnp.where(gauge > 0, gauge, 0.0)
+        # Chosen by comparison: at zero threshold and zero pressure each slope is the one-sided one.
+        taken = jnp.where(gauge > self.threshold_pressure, self.threshold_pressure, below)
+        lost = muscle.force(signals.contraction, taken, muscle.end_factor)
+        return -lost - self.stiffness * muscle.strain(signals.contraction)
+
+
+class BladderHoopStiffness(AbstractStaticEffect):
+    r"""The bladder's wall is stretched around its circumference as the muscle contracts and swells.
+
+    .. math:: ΔF = -E A\,\cot^2α_0\,z\,\frac{q - 1}{q},\quad z = 1 - kε,\quad
+              q = \frac{r}{r_0} = \frac{\sqrt{1 - \cos^2α_0\,z^2}}{\sinα_0}
+
+    From the energy ½ EA l0 (q - 1)² of a thin elastic tube of wall cross-section A and modulus E, with
+    the braid kinematics of [T] equation 3: ΔF = -dW/d(contraction) at k = 1; as in [T] equation 7 the conic
+    ends then replace ε by kε. The radius grows cot²α0 times as fast
+    as the length falls, so the force drops steeply over the first per cent of contraction and levels off.
+    """
+
+    name: ClassVar = "bladder_hoop_stiffness"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "contraction"})
+    strength: ClassVar = "wall_stiffness"
+    starts: ClassVar = ({},)
+    source: ClassVar = "elastic tube under the kinematics of [T] equation 3"
+
+    wall_stiffness: Scalar = parameter("N", "modulus times cross-section of the wall E A", default=0.0)
+
+    def value(self, signals: Signals) -> Array:
+        muscle = signals.muscle
+        z = 1 - muscle.end_factor * muscle.strain(signals.contraction)
+        swelling = muscle.swelling(z)
+        slope = z / jnp.tan(muscle.braid_angle) ** 2 / swelling
+        return -self.wall_stiffness * slope * (swelling - 1)
+
+
+THRESHOLDS = np.linspace(0.01, 0.08, 8)
+"""Half-widths r_i of the play operators, as contraction ratios [-]."""
+
+
+class LengthHysteresis(AbstractMemoryEffect):
+    r"""Hysteresis of the force in the contraction, by eight play operators.
+
+    .. math:: ΔF = -w\,π r_0^2 P\,h(1 + s h),\quad h = \sum_i p_i (ε - F_{r_i}[ε]),\quad
+              p_i \propto e^{-r_i/ρ},\ \sum_i p_i r_i = 1
+
+    Play operators F_r and density as in [W] equations 1, 3 and 5, written by their stop operators
+    ε - F_r, which vanish at rest and saturate at ±r: h runs from -1 to 1, and w is the half-width of the
+    saturated loop relative to π r0² P. s makes the loop unsymmetric.
+    """
+
+    name: ClassVar = "length_hysteresis"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "pressure", "contraction"})
+    strength: ClassVar = "weight"
+    starts: ClassVar = ({},)
+    source: ClassVar = "[W] equations 1, 3, 5"
+
+    weight: Scalar = parameter("", "half-width of the loop relative to π r0² P", default=0.0)
+    asymmetry: Scalar = parameter("", "difference between the two branches", default=0.0, typical=0.1)
+    density_width: Scalar = parameter(
+        "", "contraction ratio over which the density of thresholds decays", default=0.1, positive=True
+    )
+
+    def initial(self, signals: Signals) -> Array:
+        strain = signals.muscle.strain(signals.contraction)
+        return jnp.repeat(strain[..., None], len(THRESHOLDS), axis=-1)
+
+    def update(self, memory: Array, signals: Signals, step: Array) -> Array:
+        return play(memory, signals.muscle.strain(signals.contraction)[..., None], THRESHOLDS)
+
+    def value(self, memory: Array, signals: Signals) -> Array:
+        strain = signals.muscle.strain(signals.contraction)[..., None]
+        stops = strain - play(memory, strain, THRESHOLDS)
+        density = jnp.exp(-THRESHOLDS / self.density_width)
+        loop = (stops * density).sum(-1) / (THRESHOLDS * density).sum()
+        scale = jnp.pi * signals.muscle.initial_radius**2 * signals.gauge_pressure
+        return -self.weight * scale * loop * (1 + self.asymmetry * loop)
+
+
+class Creep(AbstractRateEffect):
+    r"""An elastic resistance to contraction that builds up slowly, with two time constants.
+
+    .. math:: ΔF = -K\,\tfrac12 (z_1 + z_2),\quad \dot z_i = (ε - z_i)/τ_i
+
+    At constant pressure and load the muscle creeps, at constant length its force relaxes, by the same
+    law: two delayed-elasticity elements of the standard linear solid. ε: contraction ratio.
+    """
+
+    name: ClassVar = "creep"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "contraction"})
+    strength: ClassVar = "stiffness"
+    starts: ClassVar = (
+        {"fast_time": 1.0, "slow_time": 6.0},
+        {"fast_time": 0.2, "slow_time": 1.0},
+        {"fast_time": 5.0, "slow_time": 30.0},
+    )
+    source: ClassVar = "standard linear solid, two delayed elements"
+
+    stiffness: Scalar = parameter("N", "delayed force per unit of contraction ratio", default=0.0)
+    fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
+    slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
+
+    def initial(self, signals: Signals) -> Array:
+        return jnp.stack([signals.muscle.strain(signals.contraction)] * 2, axis=-1)
+
+    def rate(self, state: Array, signals: Signals) -> Array:
+        strain = signals.muscle.strain(signals.contraction)
+        return (strain[..., None] - state) / jnp.stack([self.fast_time, self.slow_time])
+
+    def value(self, state: Array, signals: Signals) -> Array:
+        return -self.stiffness * state.mean(-1)

@@ -1,4 +1,6 @@
-"""How sure the fitted values are: four covariances, and the largest of their standard deviations."""
+"""Covariance of fitted parameters by four estimators (cluster-robust among them), and the largest of their
+standard deviations.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +8,47 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.clusters import window_scores
-from jaxmuscle.estimation.correlation import coloured_meat, memory
-from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.unknowns import Unknowns
+from jaxmuscle.estimation.coloured_noise import coloured_meat, memory
+from jaxmuscle.estimation.free_parameters import Unknowns
+from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.residual_analysis import Series
+
+PARTS = 20
+"""Stretches into which a window is cut that is the only one."""
+
+Values = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+def window_scores(lines: Sequence[Series], errors: Sequence[Values]) -> Float[np.ndarray, "stretches k"]:
+    """Score Σ J ψ of every window, or of every part of the only one: all columns of a recording together.
+
+    Args:
+        errors: ψ of the residuals of each line.
+    """
+    stretches = [line.window for line in lines]
+    windows = {(line.recording, int(i)) for line in lines for i in np.unique(line.window[line.window >= 0])}
+    if len(windows) == 1:
+        stretches = _parts(stretches)
+    totals: dict[tuple[int, int], Values] = {}
+    for line, stretch, psi in zip(lines, stretches, errors, strict=True):
+        for number in np.unique(stretch[stretch >= 0]).tolist():
+            inside, key = stretch == number, (line.recording, number)
+            totals[key] = totals.get(key, np.zeros(len(line.slopes))) + line.slopes[:, inside] @ psi[inside]
+    return np.array(list(totals.values())).reshape(-1, len(lines[0].slopes))
+
+
+def _parts(windows: Sequence[Rows]) -> list[Rows]:
+    """For each line the numbers of the parts of the only window, -1 outside."""
+    rows = np.unique(np.concatenate([np.flatnonzero(window >= 0) for window in windows]))
+    length = rows[-1] + 1 - rows[0]
+    return [
+        np.where(window >= 0, (np.arange(len(window)) - rows[0]) * PARTS // length, -1) for window in windows
+    ]
+
 
 Matrix = Float[np.ndarray, "k k"]
 
@@ -140,3 +175,31 @@ class _Space:
 
 def _roots(matrix: Matrix) -> Float[np.ndarray, " k"]:
     return np.sqrt(np.maximum(np.diag(matrix), 0.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Minimum:
+    """A point, the residuals there and their derivatives.
+
+    Attributes:
+        u: coordinates of the unknowns.
+        ends: -1 for those at a lower bound, 1 at an upper one, else 0.
+        scores: changes of the score by uncertain states (`begun.state_scores`); `None` for none.
+    """
+
+    u: Float[np.ndarray, " k"]
+    lines: Sequence[Series]
+    unknowns: Unknowns
+    loss: Loss
+    ends: Int[np.ndarray, " k"]
+    scores: Float[np.ndarray, "sources k"] | None = None
+
+    @property
+    def held(self) -> Bool[np.ndarray, " k"]:
+        """Coordinates at a bound."""
+        return self.ends != 0
+
+    def covariance(self, held: Bool[np.ndarray, " k"] | None = None) -> Covariance:
+        """How sure the coordinates are, with those known that are `held`: at a bound when `None`."""
+        fixed = self.held if held is None else held
+        return covariance(self.lines, self.unknowns, self.loss, fixed, self.scores)

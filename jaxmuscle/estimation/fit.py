@@ -1,32 +1,208 @@
-"""Fit a machine to recordings: many starts, one best point, and how far it can be trusted."""
+"""Estimation of parameters from recordings (`jaxmuscle.fit`) and its result, from the request to the
+judgement of the best point.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.configuration import require_double_precision
-from jaxmuscle.estimation import checked
-from jaxmuscle.estimation.arguments import (
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import jaxmuscle
+from jaxmuscle._config import require_double_precision
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation import request
+from jaxmuscle.estimation.covariance import Minimum
+from jaxmuscle.estimation.fit_data import FitData, correlations, fitted, outcomes
+from jaxmuscle.estimation.fit_figure import plot
+from jaxmuscle.estimation.fit_files import fitted_card, load, save
+from jaxmuscle.estimation.free_parameters import Unknowns, at_bound, moved_machine
+from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
+from jaxmuscle.estimation.initial_states import state_scores
+from jaxmuscle.estimation.intervals import profiles, with_conflicts, with_inner_ends
+from jaxmuscle.estimation.losses import Loss, Squares, loss_named
+from jaxmuscle.estimation.multistart import Found, Search, search
+from jaxmuscle.estimation.nonsmooth import without_rough
+from jaxmuscle.estimation.parameter_layout import labels, layout
+from jaxmuscle.estimation.predictions import noise_table, predictions
+from jaxmuscle.estimation.prepare import (
     ESTIMATED,
     Masks,
+    as_settings,
     asked_for,
     begun_at,
     prepared,
     profiled,
 )
-from jaxmuscle.estimation.asked import Bounds, PriorLike
-from jaxmuscle.estimation.conclude import conclude
-from jaxmuscle.estimation.kept import as_settings
-from jaxmuscle.estimation.lane import Course
-from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.losses import Squares, loss_named
-from jaxmuscle.estimation.optimistix_solver import steps_by
-from jaxmuscle.estimation.result import FitResult
-from jaxmuscle.estimation.search import Search, search
+from jaxmuscle.estimation.request import Bounds, PriorLike
+from jaxmuscle.estimation.residual_analysis import Series, residual_tests, series
+from jaxmuscle.estimation.summary import notes, summary
+from jaxmuscle.optimization.levenberg_marquardt import Course
+from jaxmuscle.optimization.optimistix_solver import steps_by
+from jaxmuscle.parameter_names import of_machine
+from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
+
+
+def fitted_start(result: FitData, recordings: object, settings: Mapping[str, Any]) -> dict[str, float]:
+    """The fitted values of everything that is free again, a recording's own ones by its name.
+
+    Args:
+        recordings, settings: what :func:`jaxmuscle.fit` is to be called with.
+
+    Raises:
+        InputError: the arguments cannot be used.
+    """
+    given = request.given_recordings(result.actuator, recordings)
+    asked = asked_for(*(settings[name] for name in ("free", "shared", "per_recording", "priors", "bounds")))
+    names = layout(result.actuator, given, labels(given), asked).names
+    return {name: value for name, value in result.values.items() if name in names}
+
+
+@dataclasses.dataclass(frozen=True)
+class FitResult(FitData):
+    """The outcome of :func:`jaxmuscle.fit`; its numbers are those of :class:`FitData`."""
+
+    def __repr__(self) -> str:
+        """What `print(fit)` and a notebook show: values, residuals, notes."""
+        return summary(self)
+
+    def notes(self) -> list[str]:
+        """What a reader has to know, one sentence each: how it ended, what is not determined, doubts."""
+        return notes(self)
+
+    def to_card(self, recording: str | int = 0) -> Card:
+        """The card of a recording with the fitted values and their standard deviations.
+
+        As priors these are for other recordings; fitted to the same one again, its data count twice.
+        Each is a prior by itself: a card has no place for correlations. Where these are close to ±1 the card
+        knows less of combinations than the fit did, and a fit of new data that begins with it is too sure of
+        single values: its intervals are too short. Fit the recordings together instead, as one list.
+        """
+        return fitted_card(self, recording)
+
+    def plot(self, recording: str | int = 0) -> Figure:
+        """A matplotlib figure: fit, residuals, their autocorrelation, and the profiles if there are any."""
+        return plot(self, recording)
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything, as TOML if `path` ends in ``.toml``, else as JSON.
+
+        :func:`FitResult.load` reads it back without loss.
+        """
+        return save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> FitResult:
+        """A result as it was saved.
+
+        Raises:
+            InputError: no such file, or not a saved fit.
+        """
+        return load(path, cls)
+
+    def refit(self, recordings: Recording | Sequence[Recording], **changes: Any) -> FitResult:
+        """Fit again from the fitted values, with the same settings and masks except for `changes`.
+
+        `starts`, `budget` and `solver` are not kept: there is one start, where this fit ended, no limit in
+        time, and our own solver.
+        """
+        settings = {**self.settings, **changes}
+        if "starts" not in changes:
+            settings["starts"] = [fitted_start(self, recordings, settings)]
+        return jaxmuscle.fit(self.actuator, recordings, **settings)
+
+
+def conclude(
+    found: Found,
+    actuator: AbstractActuator,
+    wanted: Sequence[str],
+    settings: dict[str, Any],
+    progress: Callable[[str], None],
+    begin: float,
+) -> FitResult:
+    """Judge the best point of a search; `wanted`: places whose profiles are to be computed."""
+    objective, unknowns, u = found.objective, found.objective.unknowns, found.best.u
+    progress("judging the fit")
+    lines, rough = without_rough(objective, u, series(objective, u))
+    ends = at_bound(unknowns, u)
+    minimum = Minimum(u, lines, unknowns, objective.loss, ends, state_scores(objective, u, lines))
+    sure = minimum.covariance()
+    idle, combinations = _identifiability(lines, unknowns, u, ends)
+    chosen = [i for i, e in enumerate(unknowns.entries) if e.place.name in wanted and not ends[i]]
+    if chosen:
+        progress("computing profile likelihoods")
+    curves = profiles(objective.at, unknowns, (u, found.best.cost), sure, chosen, found.limits)
+    machines = tuple(
+        moved_machine(station.actuator, unknowns, u, number)
+        for number, station in enumerate(objective.stations)
+    )
+    inputs = [_inputs(station.actuator, station.filled.columns) for station in objective.stations]
+    labels = [station.label for station in objective.stations]
+    # Standard deviations of the values, from those of the coordinates.
+    parameters = fitted(unknowns, u, sure, ends, unknowns.slopes(u), labels)
+    parameters = with_conflicts(with_inner_ends(parameters, minimum), minimum)
+    return FitResult(
+        actuator=machines[0],
+        actuators=machines,
+        parameters=parameters,
+        correlations=correlations(sure, unknowns, ends),
+        cost=found.best.cost,
+        samples=objective.samples,
+        code=found.best.code,
+        starts=outcomes(found, sure),
+        profiles=tuple(curves),
+        undetermined=combinations,
+        idle=idle,
+        tests=residual_tests(lines, labels, inputs),
+        noise=noise_table(objective, lines, sure),
+        predictions=predictions(objective, u, machines, lines, sure),
+        cards={station.label: station.recording.card for station in objective.stations},
+        settings=settings,
+        iterations=found.iterations,
+        seconds=time.monotonic() - begin,
+        rough=rough,
+    )
+
+
+def _identifiability(
+    lines: Sequence[Series], unknowns: Unknowns, u: NDArray[np.float64], ends: NDArray[np.int64]
+) -> tuple[tuple[str, ...], tuple[Undetermined, ...]]:
+    slopes = np.concatenate([line.slopes for line in lines], axis=1)
+    idle = without_influence(slopes, unknowns.names)
+    kept = [i for i, name in enumerate(unknowns.names) if name not in idle and not ends[i]]
+    relative, logarithmic = _relative(unknowns, u)
+    inner = slopes[kept] * relative[kept, None]
+    prior = (unknowns.prior_slopes * relative)[kept] ** 2
+    names = [unknowns.names[i] for i in kept]
+    return idle, undetermined(inner @ inner.T, prior, names, logarithmic[kept])
+
+
+def _relative(unknowns: Unknowns, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Slopes of the coordinates by the logarithm of the values, and where they are these.
+
+    What may be zero, but is not near it, such as the force of a friction, is told apart from others by its
+    ratio to them as well as what is always positive. An offset or an initial state adds to something.
+    """
+    values = unknowns.values(u)
+    machines = np.array([of_machine(entry.place.path) for entry in unknowns.entries])
+    away = machines & ~unknowns.logarithmic & (np.abs(values) >= unknowns.scale)
+    return np.where(away, values / unknowns.scale, 1.0), unknowns.logarithmic | away
+
+
+def _inputs(
+    actuator: AbstractActuator, columns: dict[str, NDArray[np.float64]]
+) -> dict[str, NDArray[np.float64]]:
+    """What drives the machine: its commands, or the columns that a bench imposes."""
+    imposed = [c for state in actuator.imposed for c in actuator.measured.get(state, ())]
+    return {name: columns[name] for name in (*actuator.commands, *imposed)}
 
 
 def _silent(message: str) -> None:
@@ -97,9 +273,9 @@ def fit(
     """
     require_double_precision("a fit")
     begin = time.monotonic()
-    given = checked.given_recordings(actuator, recordings)
-    steps, seed = checked.whole(steps, "steps", 1), checked.whole(seed, "seed", 0)
-    deadline = begin + checked.seconds(budget, "budget")
+    given = request.given_recordings(actuator, recordings)
+    steps, seed = request.whole(steps, "steps", 1), request.whole(seed, "seed", 0)
+    deadline = begin + request.seconds(budget, "budget")
     asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
     rule, by = loss_named(loss), None if solver is None else steps_by(solver)
     objective = prepared(actuator, given, asked, masks, noise, rule)

@@ -1,16 +1,83 @@
-"""What a residual costs: its square, or less when it is large."""
+"""Loss functions of residuals: squares, Huber, Student."""
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.estimation.loss import Loss
 
 Array = NDArray[np.float64]
+
+NORMAL = np.linspace(-9.0, 9.0, 3601)
+"""Where the normal distribution is summed up: beyond, it has nothing; between, its sum is its integral."""
+LIMIT = 1.345
+"""Residual, in units of the noise, from which it is an outlier: squares lose 5 % on normal noise by that."""
+DIVISIONS, SETTLED, SMALLEST = 50, 1e-4, 1e-9
+"""Times that a size is found anew at most; the relative change at which it has settled; what counts as 0."""
+
+
+class Loss(abc.ABC):
+    """A loss ρ(r) of residuals in units of the noise; ψ = ρ'."""
+
+    @abc.abstractmethod
+    def cost(self, r: Array) -> Array:
+        """ρ(r), one half r² near zero."""
+
+    @abc.abstractmethod
+    def weight(self, r: Array) -> Array:
+        """ψ(r)/r, the weight of a residual in the Gauss-Newton matrix; 1 at zero."""
+
+    @abc.abstractmethod
+    def slope(self, r: Array) -> Array:
+        """ψ'(r)."""
+
+    def weighted(self, slopes: Array, r: Array) -> Array:
+        """Slopes (…, k, n) of residuals (…, n) by k unknowns, times the weights of the residuals."""
+        return slopes * self.weight(r)[..., None, :]
+
+    def scatter(self, r: Array) -> Array:
+        """What a residual adds to the size of all: its square, of an outlier no more than :data:`LIMIT`²."""
+        return np.minimum(np.abs(r), LIMIT) ** 2
+
+    def mean_square(self, r: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+        r"""Mean of :meth:`scatter`, 1 for normal residuals of the size of the noise; NaN where there is none.
+
+        Divided by what it is of the normal distribution (Huber 1964, Proposal 2; Maronna, Martin, Yohai and
+        Salibián-Barrera 2019, "Robust Statistics", section 2.5).
+
+        Args:
+            r: residuals in units of the noise; NaN for those that do not count.
+            axis: along which the mean is taken; all by default.
+        """
+        counts = ~np.isnan(r)
+        total, many = np.where(counts, self.scatter(np.where(counts, r, 0.0)), 0.0), counts.sum(axis=axis)
+        mean = np.where(many > 0, total.sum(axis=axis) / np.maximum(many, 1), np.nan)
+        return mean / self._of_normal
+
+    def size(self, r: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+        """The size of residuals: divided by it their :meth:`mean_square` is 1.
+
+        By repeated division; outliers, which weigh more or less by the size, take about ten. Arguments as
+        there.
+        """
+        found = np.ones(np.sum(r, axis=axis, keepdims=True).shape)
+        for _ in range(DIVISIONS):
+            change = np.sqrt(np.asarray(self.mean_square(r / found, axis))).reshape(found.shape)
+            found = np.maximum(found * np.nan_to_num(change, nan=1.0), SMALLEST)
+            if not np.any(np.abs(change - 1) > SETTLED):
+                break
+        none = np.isnan(r).all(axis=axis, keepdims=True)
+        return np.where(none, np.nan, found).reshape(none.sum(axis=axis).shape)
+
+    @property
+    def _of_normal(self) -> float:
+        """Mean scatter of the standard normal distribution; the sum bears kinks."""
+        density = np.exp(-0.5 * NORMAL**2)
+        return float((density * self.scatter(NORMAL)).sum() / density.sum())
 
 
 @dataclasses.dataclass(frozen=True)

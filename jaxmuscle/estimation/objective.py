@@ -1,9 +1,13 @@
-"""What a fit minimises: the loss of all recordings' residuals and the distances from the priors."""
+"""Objective function: the loss of all recordings' residuals and the distances from the priors, with gradient
+and Gauss-Newton matrix, for several points at once on all cores.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 
 import jax.numpy as jnp
@@ -11,16 +15,40 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator
-from jaxmuscle.estimation.divided import Arrays, divided
-from jaxmuscle.estimation.lane import Local
-from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.slopes import moved, values_and_chosen_slopes, values_and_slopes
-from jaxmuscle.estimation.stations import Station
-from jaxmuscle.estimation.unknowns import Unknowns
-from jaxmuscle.fitting.problem import Problem
-from jaxmuscle.fitting.residuals import BROKEN
+from jaxmuscle._config import cores
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.dataset import Station
+from jaxmuscle.estimation.free_parameters import Unknowns
+from jaxmuscle.estimation.losses import Loss
+from jaxmuscle.estimation.residuals import BROKEN, moved, values_and_chosen_slopes, values_and_slopes
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.optimization.levenberg_marquardt import Local
 from jaxmuscle.parameters import get
+
+Arrays = tuple[NDArray[np.float64], ...]
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(cores(), thread_name_prefix="fit")
+
+
+def divided(
+    evaluate: Callable[[Float[np.ndarray, "width k"]], Arrays],
+    points: Float[np.ndarray, "lanes k"],
+    width: int,
+) -> Arrays:
+    """`evaluate` on so many points at a time, on all cores, joined.
+
+    The last part is filled with its last point: all are of one shape, for which a function is compiled once
+    however many points there are. XLA runs one program on one core; other threads keep the next ones busy.
+    """
+    parts = -(-len(points) // width)
+    filled = np.concatenate([points, np.repeat(points[-1:], parts * width - len(points), axis=0)])
+    pieces = np.split(filled, parts)
+    found = [evaluate(pieces[0])] if parts == 1 else list(_pool().map(evaluate, pieces))
+    return tuple(np.concatenate(each)[: len(points)] for each in zip(*found, strict=True))
+
 
 Vector = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""What the fitted machines predict, beside what was measured."""
+"""Predictions of the fitted models beside what was measured."""
 
 from __future__ import annotations
 
@@ -11,18 +11,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.covariance import Covariance
-from jaxmuscle.estimation.fitted import Noise
-from jaxmuscle.estimation.loss import Loss
+from jaxmuscle.estimation.intervals import QUANTILE, Noise
+from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.profile import QUANTILE
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.slopes import moved
-from jaxmuscle.fitting.predictions import chain_predictions
-from jaxmuscle.fitting.residual_layout import ResidualLayout
+from jaxmuscle.estimation.residual_analysis import Series
+from jaxmuscle.estimation.residual_layout import ResidualLayout
+from jaxmuscle.estimation.residuals import chain_predictions, moved
 from jaxmuscle.parameter_names import OFFSET, of_machine
-from jaxmuscle.recordings.smooth import noise_level
+from jaxmuscle.recordings.smoothing import noise_level
 
 _chain = eqx.filter_jit(chain_predictions)
 

@@ -1,22 +1,19 @@
 """Rate-independent hysteresis: operators, Prandtl-Ishlinskii models, their inverses, Frame's rule."""
 
-from jaxmuscle.hysteresis.base import AbstractHysteresis, respond
-from jaxmuscle.hysteresis.classical import (
+from jaxmuscle.hysteresis.compensation import IntegralInverse, inverse, inverse_memory, inverted
+from jaxmuscle.hysteresis.frame import FrameRule, midline
+from jaxmuscle.hysteresis.operators import AbstractHysteresis, dahl, enveloped_play, play, respond, stop
+from jaxmuscle.hysteresis.prandtl_ishlinskii import (
+    Envelope,
     ExponentialPrandtlIshlinskii,
+    GeneralizedPrandtlIshlinskii,
+    ModifiedPrandtlIshlinskii,
     PrandtlIshlinskii,
+    elbow_classical,
+    elbow_modified,
     exponential_density,
     spaced_thresholds,
 )
-from jaxmuscle.hysteresis.compensator import IntegralInverse, inverted
-from jaxmuscle.hysteresis.frame import FrameRule, midline
-from jaxmuscle.hysteresis.inverse import inverse, inverse_memory
-from jaxmuscle.hysteresis.modified import (
-    Envelope,
-    GeneralizedPrandtlIshlinskii,
-    ModifiedPrandtlIshlinskii,
-)
-from jaxmuscle.hysteresis.operators import dahl, enveloped_play, play, stop
-from jaxmuscle.hysteresis.published import elbow_classical, elbow_modified
 
 __all__ = [
     "AbstractHysteresis",

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.hysteresis.base import AbstractHysteresis
+from jaxmuscle.hysteresis.operators import AbstractHysteresis
 from jaxmuscle.parameters import Scalar, parameter
 
 DEPTH = 32

@@ -1,4 +1,4 @@
-"""From files to a recording."""
+"""Reading of a recording from its files."""
 
 from __future__ import annotations
 
@@ -12,12 +12,17 @@ from jaxmuscle.errors import InputError, Problems
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.recordings.checks import check_clock, check_horizon, check_regular, check_signals, is_regular
-from jaxmuscle.recordings.plausible import check_machine
+from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.resample import resampled
-from jaxmuscle.recordings.table import SUFFIXES, Table, read_table
-from jaxmuscle.recordings.units import Series, to_si
+from jaxmuscle.recordings.table import SUFFIXES, Table, read_table, resampled
+from jaxmuscle.recordings.table_checks import (
+    check_clock,
+    check_horizon,
+    check_regular,
+    check_signals,
+    is_regular,
+)
+from jaxmuscle.units import Series, to_si
 
 
 def read(path: str | Path, card: Card | str | Path | None = None, *, resample: bool = False) -> Recording:
@@ -28,7 +33,7 @@ def read(path: str | Path, card: Card | str | Path | None = None, *, resample: b
             they are laid out.
         card: the card or its file; the ``.toml`` of the same stem when not given.
         resample: bring an irregular clock to a uniform one with the median step; see
-            :func:`jaxmuscle.recordings.resample.resampled`. A regular clock is left as it is.
+            :func:`jaxmuscle.recordings.table.resampled`. A regular clock is left as it is.
 
     Raises:
         InputError: table or card are not what they should be; the message says where and what to do.

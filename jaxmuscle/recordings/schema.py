@@ -1,18 +1,23 @@
-"""What a rig asks of a card and of a table, read off the rig's class; no rig is named here."""
+"""Entries that a rig asks of a card and of a table, read off the rig's class (no rig is named here), and one
+such entry, ``{ value = 300, std = 1, unit = "mm" }``, read into SI and written back.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import Any, get_type_hints
 
 import equinox as eqx
 
 import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Column
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import Declaration, declared_at
+from jaxmuscle.units import check_unit, example_unit, from_si, scale, to_si
 
 AMBIENT = "ambient_pressure"
 """The quantity to which gauge pressures are relative; itself always absolute."""
@@ -103,3 +108,148 @@ def _built(cls: type[Any], tree: Mapping[str, Any]) -> Any:
 def _need(field: dataclasses.Field[Any], rig: Rig) -> Need:
     required = field.default is dataclasses.MISSING
     return Need(**vars(Declaration.of(field, rig.units)), required=required)
+
+
+REFERENCES = ("gauge", "absolute")
+HUGE = 1e300
+"""No number of a card can be meant beyond this."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A quantity of a card in SI, pressures absolute, with the unit and reference in which it is written."""
+
+    value: float
+    std: float | None = None
+    unit: str = ""
+    reference: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnSpec:
+    """Where a quantity stands in the table: name of the column, its unit, and gauge or absolute."""
+
+    column: str
+    unit: str
+    reference: str | None = None
+
+
+def read_quantity(
+    entry: object, need: Need, ambient: float, keys: tuple[str, ...] = ("value", "std", "unit", "reference")
+) -> Quantity:
+    """A quantity from its entry; `ambient` [Pa] is added to gauge pressures.
+
+    Raises:
+        InputError: the entry is not what `need` asks for; the message does not repeat its name.
+    """
+    table = _inline_table(entry, keys, example(need))
+    unit = _unit(table, need)
+    reference = _reference(table, need)
+    value = to_si(_number(table, "value"), unit, need.unit) + _shift(reference, ambient)
+    if need.positive and value <= 0:
+        raise InputError(f"has to be above zero; got value = {table['value']}")
+    if need.unit == "rad" and abs(value) > 2 * math.pi:
+        raise InputError(f'{table["value"]} {unit} is more than a full turn; is it unit = "deg"?')
+    std = _deviation(table, "std", unit, need) if "std" in table else None
+    return Quantity(value, std, unit, reference)
+
+
+def read_deviation(entry: object, need: Need) -> float:
+    """A standard deviation (SI) from an entry ``{ value = …, unit = … }``; errors as in `read_quantity`."""
+    difference = dataclasses.replace(need, referenced=False)
+    table = _inline_table(entry, ("value", "unit"), example(difference))
+    return _deviation(table, "value", _unit(table, need), need)
+
+
+def read_column(entry: object, need: Need) -> ColumnSpec:
+    """The specification of a column from its entry; errors as in `read_quantity`."""
+    wanted = example(need, 'column = "…"')
+    table = _inline_table(entry, ("column", "unit", "reference"), wanted)
+    column = table.get("column")
+    if not isinstance(column, str):
+        got = f"got column = {column!r}" if "column" in table else "none is given"
+        raise InputError(f"expected the name of a column of the table, {wanted}; {got}")
+    return ColumnSpec(column, _unit(table, need), _reference(table, need))
+
+
+def written_quantity(quantity: Quantity, need: Need, ambient: float) -> dict[str, Any]:
+    """The entry that reads back as `quantity`."""
+    unit, shift = quantity.unit, _shift(quantity.reference, ambient)
+    number = from_si(quantity.value - shift, unit, need.unit)
+    entry: dict[str, Any] = {
+        "value": _shortest(number, quantity.value, lambda x: to_si(x, unit, need.unit) + shift)
+    }
+    if quantity.std is not None:
+        entry["std"] = written_deviation(quantity.std, unit, need)
+    entry["unit"] = unit
+    if quantity.reference is not None:
+        entry["reference"] = quantity.reference
+    return entry
+
+
+def written_deviation(std: float, unit: str, need: Need) -> float:
+    """The number that reads back as the standard deviation `std` (SI) when it is given in `unit`."""
+    factor = scale(unit, need.unit)
+    return _shortest(std / factor, std, lambda number: number * factor)
+
+
+def example(need: Need, first: str = "value = …") -> str:
+    """How an entry for `need` is written."""
+    reference = ', reference = "gauge"' if need.referenced else ""
+    return f'{{ {first}, unit = "{example_unit(need.unit)}"{reference} }}'
+
+
+def _inline_table(entry: object, keys: tuple[str, ...], wanted: str) -> Mapping[str, Any]:
+    if not isinstance(entry, Mapping):
+        raise InputError(f"expected {wanted}; got {entry!r}")
+    for key in entry:
+        if key not in keys:
+            raise InputError(f"unknown key {key!r}{nearest(key, keys)}")
+    return entry
+
+
+def _unit(table: Mapping[str, Any], need: Need) -> str:
+    unit = table.get("unit", "" if need.unit == "" else None)
+    if not isinstance(unit, str):
+        wanted = f'unit = "{example_unit(need.unit)}"'
+        got = f"got unit = {unit!r}" if "unit" in table else "none is given"
+        raise InputError(f"expected a unit, such as {wanted}; {got}")
+    check_unit(unit, need.unit)
+    return unit
+
+
+def _reference(table: Mapping[str, Any], need: Need) -> str | None:
+    reference = table.get("reference")
+    if need.referenced and reference not in REFERENCES:
+        got = "none is given" if reference is None else f"got {reference!r}"
+        raise InputError(f'expected reference = "gauge" or reference = "absolute" for a pressure; {got}')
+    if not need.referenced and reference is not None:
+        why = "it is a difference" if need.difference else "only pressures have one"
+        why = "it is always absolute" if need.unit == "Pa" and not need.difference else why
+        raise InputError(f"takes no reference, {why}; remove reference = {reference!r}")
+    return reference
+
+
+def _number(table: Mapping[str, Any], key: str) -> float:
+    number = table.get(key)
+    if isinstance(number, bool) or not isinstance(number, int | float) or not -HUGE < number < HUGE:
+        got = f"got {key} = {repr(number)[:40]}" if key in table else "none is given"
+        raise InputError(f"expected a finite number as {key}; {got}")
+    return float(number)
+
+
+def _deviation(table: Mapping[str, Any], key: str, unit: str, need: Need) -> float:
+    number = _number(table, key)
+    if number <= 0:
+        raise InputError(f"a standard deviation has to be above zero; got {key} = {number:g}")
+    return number * scale(unit, need.unit)
+
+
+def _shift(reference: str | None, ambient: float) -> float:
+    return ambient if reference == "gauge" else 0.0
+
+
+def _shortest(number: float, wanted: float, read_back: Callable[[float], float]) -> float:
+    """`number` with as few digits as still read back as `wanted`."""
+    rounded = (float(f"{number:.{digits}g}") for digits in range(1, 18))
+    return next((short for short in rounded if read_back(short) == wanted), number)

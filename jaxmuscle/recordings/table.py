@@ -1,4 +1,4 @@
-"""Tables as files hold them: named columns of numbers, before anything is known about them."""
+"""Tables of numbers as files hold them, and resampling from an irregular clock to a uniform one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import io
 import itertools
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.units import Series
 
 SUFFIXES = (".csv", ".mat")
 SEPARATORS = {";": "semicolons", "\t": "tabs"}
@@ -170,3 +171,33 @@ def _read_mat(path: Path, content: bytes) -> Table:
     if len(columns) == 1 and isinstance(struct := next(iter(columns.values())), dict):
         columns = struct
     return Table(path, columns, first_row=1)
+
+
+def resampled(
+    time: Series, columns: Mapping[str, Series], held: Collection[str]
+) -> tuple[Series, dict[str, Series]]:
+    """(time, columns) on a uniform clock with the median step, from the first sample on.
+
+    Measured columns are interpolated linearly. A command acts from its sample to the next, so its new
+    value is the mean of the held command over the new interval, which neither delays nor advances it.
+
+    Args:
+        time: increasing [s].
+        columns: quantity → samples.
+        held: the quantities that are commands.
+    """
+    step = float(np.median(np.diff(time)))
+    # The small addition keeps the last sample when the clock is uniform up to rounding.
+    clock = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+    return clock, {
+        name: _mean_of_held(time, values, clock, step) if name in held else np.interp(clock, time, values)
+        for name, values in columns.items()
+    }
+
+
+def _mean_of_held(time: Series, values: Series, clock: Series, step: float) -> Series:
+    """Mean over [t, t + step) of a signal that keeps each value until the next; the last one lasts."""
+    ends = np.append(time, clock[-1] + step)
+    integral = np.concatenate([[0.0], np.cumsum(values * np.diff(ends))])
+    edges = np.append(clock, clock[-1] + step)
+    return np.diff(np.interp(edges, ends, integral)) / step

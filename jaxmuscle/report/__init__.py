@@ -1,1 +1,1 @@
-"""What a user gets of a diagnosis: a sentence (`sentence`), a page (`page`), files (`write`)."""
+"""Report of a diagnosis: a sentence (`sentence`), a page (`page`), files (`report_files`)."""

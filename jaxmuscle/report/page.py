@@ -1,27 +1,39 @@
-"""The report of a diagnosis: one self-contained page."""
+"""Report of a diagnosis: one self-contained page, with the versions of what made it."""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
+import platform
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+import jaxmuscle
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.report import tables, words
-from jaxmuscle.report.evidence_figures import (
+from jaxmuscle.report import tables
+from jaxmuscle.report.figures import (
     correlation_figure,
     ranking_figure,
     reveal_figure,
     strongest_correlation,
+    trace_caption,
+    trace_figure,
 )
-from jaxmuscle.report.provenance import versions
 from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
 from jaxmuscle.report.style import styled, svg_uri
-from jaxmuscle.report.trace_figures import trace_caption, trace_figure
+
+PACKAGES = ("jax", "diffrax", "optimistix")
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that can change a result."""
+    packages = {package: version(package) for package in PACKAGES}
+    return {"jaxmuscle": jaxmuscle.__version__, **packages, "python": platform.python_version()}
+
 
 STRONG = 0.9
 """Correlation beyond which two parameters are called hard to tell apart."""
@@ -44,7 +56,7 @@ def page(diagnosis: Diagnosis) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(words=words.words, capital=words.capital, percent=formatting.percent)
+    environment.filters.update(words=formatting.words, capital=formatting.capital, percent=formatting.percent)
     return environment.get_template("page.html.j2").render(**_content(diagnosis))
 
 
@@ -65,7 +77,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": tables.effects(diagnosis),
         "parameters": tables.fitted(diagnosis),
         "unexplained": tables.unexplained(diagnosis),
-        "rivals": words.listed(rivals) if (rivals := indistinguishable(diagnosis)) else "",
+        "rivals": formatting.listed(rivals) if (rivals := indistinguishable(diagnosis)) else "",
         "correlation": tables.correlation(pair, STRONG),
         "versions": versions(),
         "settings": {name: _setting(value) for name, value in diagnosis.settings.items()},
@@ -89,10 +101,10 @@ def _reveal(diagnosis: Diagnosis) -> Picture | None:
     reveal = diagnosis.reveal
     if reveal is None:
         return None
-    signal, variable = words.words(reveal.signal), words.words(reveal.variable)
+    signal, variable = formatting.words(reveal.signal), formatting.words(reveal.variable)
     seen = f"What the model lacks in {signal}, against {variable}"
     if reveal.effect:
-        seen += f": the final model with {words.words(reveal.effect)} taken out of it, and whole"
+        seen += f": the final model with {formatting.words(reveal.effect)} taken out of it, and whole"
     caption = (
         f"{seen}. A model that lacks nothing lies on zero. Line: median of bins with equally many samples."
     )
@@ -107,7 +119,7 @@ def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:
         best = f"; the best was {rows[0]['name']} ({rows[0]['gain']}, {rows[0]['p']})" if rows else ""
         outcome = f"none of {len(rows)} candidates helped enough to be added{best}"
     else:
-        outcome = f"{words.words(search.added)} was added"
+        outcome = f"{formatting.words(search.added)} was added"
     if search.added is None and index > 0:
         return {"title": title, "rows": rows, "picture": None, "outcome": f"{title}: {outcome}."}
     seen = "part of the excess error on windows left out of each fit that a candidate removes"

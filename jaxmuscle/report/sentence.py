@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
-from jaxmuscle.report.shown import shown_column
-from jaxmuscle.report.words import capital, listed, words
+from jaxmuscle.formatting import capital, listed, words
+from jaxmuscle.report.tables import shown_column
 
 NO_BETTER = 0.98
 """An error that falls by less than this factor has not fallen."""

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import pretty, printed_unit
 from jaxmuscle.report.style import AFTER, STYLE, figure
-from jaxmuscle.sweeps.columns import TIME
 from jaxmuscle.sweeps.job import FAILED
+from jaxmuscle.sweeps.outputs import TIME
 
 MOST_CURVES = 9
 COLOURS = "viridis"

@@ -1,14 +1,11 @@
 """A two-joint robot of four muscles: its dynamics, kinematics, trajectories and identification."""
 
 from jaxmuscle.robot.arm import Arm, RigidLink, rod
-from jaxmuscle.robot.feedforward import pressure_commands, robot_coefficients
-from jaxmuscle.robot.identification import Identified, SecondOrder, identify
 from jaxmuscle.robot.kinematics import angles_at, elbow_point, inverse, jacobian, tip
-from jaxmuscle.robot.pane import Pane
-from jaxmuscle.robot.profile import Trapezoid
-from jaxmuscle.robot.reference import robot, robot_joint
-from jaxmuscle.robot.scara import Scara
-from jaxmuscle.robot.trajectory import Motion, Straight, joint_motion, joints_along, line
+from jaxmuscle.robot.scara import Pane, Scara
+from jaxmuscle.robot.second_order import Identified, SecondOrder, identify
+from jaxmuscle.robot.tondu2000 import pressure_commands, robot, robot_coefficients, robot_joint
+from jaxmuscle.robot.trajectory import Motion, Straight, Trapezoid, joint_motion, joints_along, line
 
 __all__ = [
     "Arm",

@@ -1,4 +1,4 @@
-"""Where the tip of the arm is, and which joint angles bring it somewhere."""
+"""Kinematics of the arm: where its tip is, and which joint angles bring it somewhere."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A machine on its sample clock: one run, the observer of its hidden states, predictions of windows."""
+"""Simulation of an actuator on its sample clock: one run, the observer of its hidden states, predictions
+of windows.
+"""
 
-from jaxmuscle.simulation.feedback import Feedback
-from jaxmuscle.simulation.run import Run, run
+from jaxmuscle.simulation.run import Feedback, Run, observe, predict, run
 from jaxmuscle.simulation.track import Restarts, Start, Track, held_at, start_at_rest, with_states
-from jaxmuscle.simulation.windows import observe, predict
 
 __all__ = [
     "Feedback",

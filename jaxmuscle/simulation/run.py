@@ -1,4 +1,5 @@
-"""One run of a machine on its sample clock.
+"""Simulation of an actuator on its sample clock: one run, a controller in the loop, the observer of hidden
+states, and many short predictions along one track.
 
 The sampling instants are the loop: the command of row n is held from t_n to t_{n+1} (exact zero-order
 hold) and the sensors of row n are read at t_n. Between two samples a diffrax solver takes its steps. States
@@ -10,6 +11,7 @@ observer that carries the unmeasured states along.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -17,12 +19,72 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxmuscle.actuators.base import AbstractActuator, State
-from jaxmuscle.effects.base import States
-from jaxmuscle.simulation.feedback import Feedback
-from jaxmuscle.simulation.interval import Interval
+from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.effects.base import States, updated_memories
+from jaxmuscle.signals import Past
+from jaxmuscle.simulation.solvers import method_for
+from jaxmuscle.simulation.stepping import Plan, advance, begin_course
 from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest
-from jaxmuscle.stepping import Plan, advance, begin_course, method_for
+
+Readings = dict[str, Array]
+
+
+class Feedback(eqx.Module):
+    """A sampled controller as a run takes it.
+
+    Attributes:
+        start: its state at the first sample, any tree of arrays.
+        update: (state, readings at a sample, number of the sample) → (state, command until the next).
+    """
+
+    start: Any
+    update: Callable[[Any, Readings, Array], tuple[Any, Array]]
+
+
+class Interval(eqx.Module):
+    """What a machine is under during one interval of the sample clock.
+
+    Attributes:
+        step: its length [s].
+        command, past: held command, and those before it.
+        now, then: imposed states at its two ends; the others are integrated.
+        widening: how many times as wide as it is dry friction is smoothed.
+    """
+
+    actuator: AbstractActuator
+    step: Float[Array, ""]
+    command: Any
+    past: Past | None
+    now: State
+    then: State
+    widening: Array | None = None
+
+    def held(self, memory: States) -> Held:
+        """What stays as it is during a step."""
+        return Held(self.command, self.past, memory, self.widening)
+
+    def whole(self, own: State, fraction: Array | float) -> State:
+        """All states, the imposed ones at a fraction of the interval."""
+        path = {name: now + fraction * (self.then[name] - now) for name, now in self.now.items()}
+        return {**own, **path}
+
+    def field_under(self, memory: States) -> Callable[[Any, State, Any], State]:
+        """The vector field of the integrated states."""
+        held = self.held(memory)
+
+        @jax.jit  # traced once for all stages of the solver
+        def field(t, own, _):
+            rates = self.actuator.vector_field(self.whole(own, t / self.step), held)
+            return {name: rates[name] for name in own}
+
+        return field
+
+    def finish(self, own: State, memory: States, end: Array, size: Array) -> tuple[State, States]:
+        """States and memories after a step of `size` that ended at `end`: contacts and memories act."""
+        state = self.actuator.constrained(self.whole(own, end / self.step))
+        signals = self.actuator.signals(state, self.held(memory))
+        after = {name: state[name] for name in own}
+        return after, updated_memories(self.actuator.effects, memory, signals, size)
 
 
 class Run(eqx.Module):
@@ -87,7 +149,7 @@ def run(
         keep: states whose value at each sample is returned beside the readings.
         restarts: when the run begins anew from what was measured; never when `None`.
         method: a name of `stepping.METHODS`; the machine's own when `None`.
-        tolerance: of steps under error control (:func:`jaxmuscle.stepping.controlled.in_controlled_steps`).
+        tolerance: of steps under error control (:func:`jaxmuscle.simulation.stepping.in_controlled_steps`).
         feedback: a controller whose commands take the place of the track's. At a sample it is shown
             readings under the command that was held so far (at the first, the track's).
 
@@ -167,3 +229,53 @@ def _fresh_where(begins: Array, fresh: Start, own: State, memory: States) -> tup
     """The carried states and the memories, those of `fresh` where a new stretch begins."""
     anew = ({name: fresh.state[name] for name in own}, dict(fresh.memory))
     return jax.tree.map(lambda new, old: jnp.where(begins, new, old), anew, (own, dict(memory)))
+
+
+def observe(
+    actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1, start: Start | None = None
+) -> Start:
+    """The states that are not measured, carried along the whole track by the measured ones.
+
+    Every measured state is imposed; openings, hysteresis, creep and lags run on from `start`, else
+    from rest at the first sample. Returns them at every sample (leading axis `samples`).
+    """
+    imposed = (*actuator.measured, *actuator.derivatives)
+    start = start_at_rest(actuator, track) if start is None else start
+    hidden = tuple(name for name in start.state if name not in imposed)
+    row = jnp.asarray(0)
+    return run(
+        actuator, track, start, row, samples=samples, imposed=imposed, substeps=substeps, keep=hidden
+    ).states
+
+
+def predict(
+    actuator: AbstractActuator,
+    track: Track,
+    rows: Int[Array, " windows"],
+    *,
+    samples: int,
+    imposed: tuple[str, ...],
+    substeps: int,
+    hidden: Start,
+    period: Int[Array, ""] | None = None,
+) -> dict[str, Array]:
+    """Readings of windows of `samples` samples, each started at its row from the measured state.
+
+    The states that are not measured start from `hidden`, as :func:`observe` gives them; all start anew
+    every `period` samples, if one is given. Returns readings with leading axes (windows, samples).
+    """
+    restarts = Restarts(jnp.asarray(samples if period is None else period), hidden)
+
+    def window(row: Array) -> dict[str, Array]:
+        return run(
+            actuator,
+            track,
+            restarts.at(row, track),
+            row,
+            samples=samples,
+            imposed=imposed,
+            substeps=substeps,
+            restarts=None if period is None else restarts,
+        ).readings
+
+    return jax.vmap(window)(rows)

@@ -1,17 +1,23 @@
-"""What the bench did and measured, and the states with which a run begins."""
+"""Track of a run: commands and measured states over time, of a command of one's own or of a recording
+(smoothed, with their uncertainty), and the initial states with which a run begins.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from numpy.typing import NDArray
 
-from jaxmuscle.actuators.base import AbstractActuator, Held, State
+from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.effects.base import States, initial_states
-from jaxmuscle.parameters import split_index
+from jaxmuscle.parameters import entries_of, split_index
+from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.signals import Past
 
 
@@ -107,3 +113,167 @@ def past_at(actuator: AbstractActuator, track: Track, row: Array) -> Past | None
     first = track.first(row)
     before = actuator.resting_command(track.at(jnp.asarray(first)))
     return Past(track.command, row, track.step, before, first)
+
+
+def sampling_step(times: ArrayLike) -> float:
+    """The step of uniform sampling instants [s]; `ValueError` when they are not at least two and uniform."""
+    steps = np.diff(np.asarray(times, dtype=float))
+    if steps.ndim != 1 or len(steps) < 1 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
+        raise ValueError("expected at least two uniform, increasing instants")
+    return float(steps.mean())
+
+
+def commanded_track(
+    actuator: AbstractActuator, command: Array, step: Array, start: Mapping[str, ArrayLike]
+) -> Track:
+    """The track of a command of shape (samples, *muscles) from `start`, else from what the rig rests at.
+
+    The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start.
+    """
+    states = {name: actuator.at_rest(name) for name in (*actuator.measured, *actuator.derivatives)}
+    known = {path for name, value in states.items() for path in (name, *entries_of(name, value))}
+    if unknown := set(start) - known:
+        raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
+    for path, value in start.items():
+        name, index = split_index(path)
+        whole = jnp.asarray(value, dtype=float)
+        states[name] = whole if index is None else states[name].at[index].set(whole)
+    samples = command.shape[0]
+    measured = {name: jnp.broadcast_to(value, (samples, *value.shape)) for name, value in states.items()}
+    return Track(step, command, measured)
+
+
+def is_measured(actuator: AbstractActuator, name: str) -> bool:
+    """Whether a state, or an entry of one (``pressure[1]``), is measured or the rate of a measured one."""
+    return split_index(name)[0] in {*actuator.measured, *actuator.derivatives}
+
+
+def hidden_start(
+    actuator: AbstractActuator, track: Track, given: Mapping[str, ArrayLike]
+) -> dict[str, Array]:
+    """The values `given` to states that are not measured, as arrays of the shapes of these states.
+
+    Raises:
+        ValueError: no such state, no such entry of it, or a value of another shape.
+    """
+    if not given:
+        return {}
+    rest = jax.eval_shape(lambda actuator, track: start_at_rest(actuator, track), actuator, track)
+    states = {**rest.state, **rest.state["effects"], **rest.memory}
+    # A lag's or a play operator's state is one array; that of an effect with several has no name for each.
+    shapes = {name: v.shape for name, v in states.items() if isinstance(v, jax.ShapeDtypeStruct)}
+    known = {path: () for name, shape in shapes.items() for path in entries_of(name, jnp.empty(shape))}
+    known |= shapes
+    if unknown := set(given) - set(known):
+        raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(shapes)}")
+    values = {name: jnp.asarray(value, dtype=float) for name, value in given.items()}
+    for name, value in values.items():
+        if value.shape not in ((), known[name]):
+            raise ValueError(f"start of {name}: expected the shape {known[name]}; got {value.shape}")
+    return {name: jnp.broadcast_to(value, known[name]) for name, value in values.items()}
+
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+ENOUGH = 50
+"""Samples from which the noise of a stretch can be told."""
+
+
+@runtime_checkable
+class Sampled(Protocol):
+    """What is needed of a recording."""
+
+    @property
+    def step(self) -> float: ...
+    @property
+    def columns(self) -> Columns: ...
+    @property
+    def breaks(self) -> tuple[int, ...]: ...
+
+
+class Observed(eqx.Module):
+    """A recording prepared for a machine.
+
+    Attributes:
+        track: commands and smoothed measured states.
+        spread: standard deviation of each smoothed state, sample by sample.
+        outputs: reading → raw measured values.
+        noise: reading → standard deviation of its sensor.
+    """
+
+    track: Track
+    spread: dict[str, Float[Array, "samples ..."]]
+    outputs: dict[str, Float[Array, "samples ..."]]
+    noise: dict[str, Float[Array, "..."]]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return self.track.command.shape[0]
+
+
+def observed(
+    actuator: AbstractActuator,
+    recording: Sampled,
+    noise: Mapping[str, float],
+    cuts: tuple[int, ...] = (),
+    twice: bool = False,
+) -> Observed:
+    """Prepare `recording` for `actuator`.
+
+    Args:
+        noise: column → standard deviation of its sensor (SI); a column without one gets the level that
+            :func:`noise_level` finds in the data.
+        cuts: further rows, besides the recording's breaks, across which nothing is smoothed.
+        twice: smooth signals twice, which leaves their peaks, see :func:`smooth`.
+    """
+    columns, step = recording.columns, recording.step
+    samples = len(next(iter(columns.values())))
+    edges = sorted({0, *recording.breaks, *cuts, samples})
+
+    def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
+        stretches = [columns[column][a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        parts = [smooth(values, step, _level(values, stretches), derivative, twice) for values in stretches]
+        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+    measured, spread = {}, {}
+    for state, names in actuator.measured.items():
+        measured[state], spread[state] = _pair(names, lambda name: smoothed(name, 0))
+    for state, base in actuator.derivatives.items():
+        measured[state], spread[state] = _pair(actuator.measured[base], lambda name: smoothed(name, 1))
+    command = (
+        _stack(actuator.commands, lambda name: columns[name]) if actuator.commands else np.zeros(samples)
+    )
+    outputs = {out: _stack(names, lambda n: columns[n]) for out, names in actuator.outputs.items()}
+    levels = {
+        out: _stack(names, lambda n: np.asarray(noise.get(n) or _longest_level(columns[n], edges)))
+        for out, names in actuator.outputs.items()
+    }
+    as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
+    begins = jnp.asarray(np.isin(np.arange(samples), recording.breaks)) if recording.breaks else None
+    track = Track(jnp.asarray(step), jnp.asarray(command), as_arrays(measured), begins)
+    return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
+
+
+def _level(values: NDArray, stretches: list[NDArray]) -> float:
+    """Noise of one stretch by its own samples, so that none learns of another; or the longest's."""
+    enough = len(values) >= ENOUGH
+    return noise_level(values if enough else max(stretches, key=len))
+
+
+def _longest_level(values: NDArray, edges: list[int]) -> float:
+    """Noise of the longest stretch: the held-out rows, which are fewer, have no say in a weight."""
+    return noise_level(max((values[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)), key=len))
+
+
+def _stack(names: tuple[str, ...], of: Callable[[str], NDArray]) -> NDArray:
+    """One column as it is, several side by side."""
+    parts = [of(name) for name in names]
+    return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+
+
+def _pair(names: tuple[str, ...], of: Callable[[str], tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArray]:
+    pairs = [of(name) for name in names]
+    if len(pairs) == 1:
+        return pairs[0]
+    return np.stack([p[0] for p in pairs], axis=-1), np.stack([p[1] for p in pairs], axis=-1)

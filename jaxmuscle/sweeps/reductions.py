@@ -1,4 +1,4 @@
-"""Numbers that stand for a whole run, so that a million points need no million trajectories."""
+"""Reductions: numbers that stand for a whole run, so that a million points need no million trajectories."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from jaxmuscle.analysis.elimination import solve
-from jaxmuscle.sweeps.bench import Trajectory
+from jaxmuscle._linalg import solve
+from jaxmuscle.sweeps.scenario import Trajectory
 
 Samples = Float[Array, "samples *muscles"]
 Number = Float[Array, "*muscles"]

@@ -1,17 +1,50 @@
-"""A sweep in a Zarr store, block by block, so that one that was interrupted goes on where it was."""
+"""Stores of a sweep: arrays in memory, or Zarr block by block, so that an interrupted sweep goes on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.sweeps.job import FAILED, Results
-from jaxmuscle.sweeps.points import Block
+from jaxmuscle.sweeps.operating_points import Block
+
+
+class Sink(Protocol):
+    """Takes the results of blocks, in any order and from several threads at once."""
+
+    def missing(self, blocks: int) -> list[int]:
+        """Numbers of the blocks that have not been written yet."""
+        ...
+
+    def write(self, number: int, block: Block, results: Results) -> None:
+        """Take the results of a block."""
+        ...
+
+
+class Memory:
+    """Arrays in memory: variable → array over all points."""
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]], logical: Iterable[str] = ()) -> None:
+        """Arrays of the given shapes, of truth values for those named in `logical`."""
+        logical = set(logical)
+        self.arrays: Results = {
+            name: np.empty(shape, bool if name in logical else float) for name, shape in shapes.items()
+        }
+
+    def missing(self, blocks: int) -> list[int]:
+        """All blocks."""
+        return list(range(blocks))
+
+    def write(self, number: int, block: Block, results: Results) -> None:
+        """Copy the results of a block to their place."""
+        for name, values in results.items():
+            self.arrays[name][block] = values
+
 
 MARK = "jaxmuscle_sweep"
 """Attribute with the fingerprint of the sweep that a store holds."""

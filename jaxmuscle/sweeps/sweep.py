@@ -1,32 +1,91 @@
-"""Sweeps over operating points: one model, one compilation, any number of points."""
+"""Sweeps over operating points: one model, one compilation, any number of points, progress on the way."""
 
 from __future__ import annotations
 
 import math
+import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from jaxtyping import ArrayLike
+from rich.console import Console
 
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.steps import steps_of
-from jaxmuscle.sweeps import layout
-from jaxmuscle.sweeps.bench import Bench
-from jaxmuscle.sweeps.blocks import Cut, cut
-from jaxmuscle.sweeps.columns import Column, Reductions, columns_of
-from jaxmuscle.sweeps.distributed import compute_on, platform_of
-from jaxmuscle.sweeps.job import FAILED, Job, Plan, default_devices
-from jaxmuscle.sweeps.local import compute_here
-from jaxmuscle.sweeps.points import points_of
-from jaxmuscle.sweeps.progress import Tell, shown
-from jaxmuscle.sweeps.setup import bench_of
-from jaxmuscle.sweeps.sinks import Memory
-from jaxmuscle.sweeps.store import Store
+from jaxmuscle.simulation.simulate import steps_of
+from jaxmuscle.sweeps import outputs
+from jaxmuscle.sweeps.executors import compute_here, compute_on, platform_of
+from jaxmuscle.sweeps.job import FAILED, Cut, Job, Plan, cut, default_devices
+from jaxmuscle.sweeps.operating_points import points_of
+from jaxmuscle.sweeps.outputs import Column, Reductions, columns_of
+from jaxmuscle.sweeps.scenario import Bench, bench_of
+from jaxmuscle.sweeps.store import Memory, Store
+
+Tell = Callable[[int, int], None]
+"""Called with the points done and all points."""
+LINES = 10
+"""Lines at most where there is no terminal."""
+
+
+@contextmanager
+def shown(progress: bool | Tell, total: int) -> Iterator[Callable[[int], None]]:
+    """A function to be given the number of points that have just been done.
+
+    Args:
+        progress: a function of (done, total); or whether to show a bar with the remaining time in a
+            terminal, a line each tenth elsewhere.
+        total: number of points that are to be computed.
+    """
+    done = 0
+    with _told(progress, total) as tell:
+
+        def add(points: int) -> None:
+            nonlocal done
+            done += points
+            tell(done, total)
+
+        yield add
+
+
+@contextmanager
+def _told(progress: bool | Tell, total: int) -> Iterator[Tell]:
+    if callable(progress):
+        yield progress
+    elif not progress:
+        yield lambda done, total: None
+    else:
+        console = Console(stderr=True)
+        yield from _bar(console, total) if console.is_terminal else _lines(console)
+
+
+def _bar(console: Console, total: int) -> Iterator[Tell]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    parts = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*parts, console=console) as bar:
+        task = bar.add_task("points", total=total)
+        yield lambda done, total: bar.update(task, completed=done)
+
+
+def _lines(console: Console) -> Iterator[Tell]:
+    begun, told = time.monotonic(), 0
+
+    def tell(done: int, total: int) -> None:
+        nonlocal told
+        parts = done * LINES // total
+        if parts <= told:
+            return
+        told = parts
+        left = (time.monotonic() - begun) * (total - done) / done
+        console.print(f"{done} of {total} points, {left:.0f} s left", highlight=False, soft_wrap=True)
+
+    yield tell
+
 
 GIB = 2**30
 COPIES = 8
@@ -115,10 +174,10 @@ def _in_memory(
             f"memory: the results take {size / 2**20:.3g} MiB, the limit is {memory / 2**20:.3g} MiB; "
             f"give reductions=, or a store= on disk, or raise memory="
         )
-    shapes = {name: shape for name, (_, shape, _) in layout.variables(job.points, columns).items()}
+    shapes = {name: shape for name, (_, shape, _) in outputs.variables(job.points, columns).items()}
     sink = Memory(shapes, logical=[FAILED])
     _compute(job, sink, memory, progress, client)
-    return layout.in_memory(job.bench, job.points, columns, sink.arrays)
+    return outputs.in_memory(job.bench, job.points, columns, sink.arrays)
 
 
 def _stored(
@@ -128,9 +187,9 @@ def _stored(
     held = store.block_shape(fingerprint)
     if held is None:
         frame = xr.Dataset(
-            coords=layout.coordinates(job.bench, job.points, columns), attrs=layout.attributes(job.bench)
+            coords=outputs.coordinates(job.bench, job.points, columns), attrs=outputs.attributes(job.bench)
         )
-        variables = layout.variables(job.points, columns)
+        variables = outputs.variables(job.points, columns)
         store.create(fingerprint, job.cut.block, len(job.blocks), variables, frame)
     elif held != job.cut.block:
         # Begun under another memory limit: the chunks of the store stay as they are.

@@ -8,8 +8,8 @@ from oracles import bench
 from oracles.elbow import elbow
 
 import jaxmuscle as jm
-from jaxmuscle.fitting.loops import fit_loop
 from jaxmuscle.hysteresis import respond
+from jaxmuscle.hysteresis.loop_fit import fit_loop
 from jaxmuscle.parameters import get, parameters, replace
 
 CARD, STEP = bench.CARDS["elbow"], bench.STEPS["elbow"]

@@ -10,7 +10,7 @@ from oracles import bench
 from oracles.isotonic import isotonic
 
 import jaxmuscle.effects.base
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.isotonic import STANDARD_GRAVITY
 from jaxmuscle.components.gas import CRITICAL_RATIO
 from jaxmuscle.errors import InputError

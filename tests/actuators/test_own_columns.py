@@ -12,10 +12,9 @@ from jaxmuscle.actuators import RIGS, register
 from jaxmuscle.analysis import equilibrium
 from jaxmuscle.effects import CommandDelay, LoadDamping
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.beginnings import start_places
-from jaxmuscle.estimation.names import fittable
+from jaxmuscle.estimation.fittable_parameters import fittable, start_places
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.report.write import write
+from jaxmuscle.report.report_files import write
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -15,8 +15,8 @@ from jaxmuscle.actuators.variables import rate_unit
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import replace
 from jaxmuscle.recordings import schema
-from jaxmuscle.recordings.commanded import commanded_track
-from jaxmuscle.recordings.units import to_si
+from jaxmuscle.simulation.track import commanded_track
+from jaxmuscle.units import to_si
 
 WRONG: Any = "angle"
 """Neither a tuple of columns nor a check."""

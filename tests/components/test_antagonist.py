@@ -11,7 +11,7 @@ from oracles import bench
 from jaxmuscle.actuators import Held
 from jaxmuscle.components import McKibben, antagonist
 from jaxmuscle.effects import LoadDamping
-from jaxmuscle.robot.reference import robot_joint, robot_muscle
+from jaxmuscle.robot.tondu2000 import robot_joint, robot_muscle
 
 RADIUS, START, MEAN = 0.015, 0.1, 2.5e5
 MUSCLE = robot_muscle()

@@ -10,7 +10,7 @@ from oracles import bench
 from scipy.optimize import root_scalar
 
 from jaxmuscle.actuators.isotonic import STANDARD_GRAVITY
-from jaxmuscle.components.contraction import isotonic_contraction, largest_contraction, lift_off_pressure
+from jaxmuscle.components.mckibben import isotonic_contraction, largest_contraction, lift_off_pressure
 from jaxmuscle.parameters import replace
 
 CASES = [(30.0, 4e5), (20.0, 3e5), (10.0, 2e5)]

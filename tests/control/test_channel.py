@@ -12,7 +12,7 @@ from oracles.bench import built
 from jaxmuscle.actuators import Actuation, ControlChannel
 from jaxmuscle.control import FuzzyPID, IntegralInversePID, closed_loop, feedback_on
 from jaxmuscle.errors import InputError
-from jaxmuscle.robot.reference import robot_joint
+from jaxmuscle.robot.tondu2000 import robot_joint
 
 GAIN, INTEGRAL_TIME, IDLE = 0.1, 0.2, 1.0
 TARGET = np.concatenate([np.full(100, 150.0), np.full(100, 210.0), np.full(100, 120.0)])

@@ -20,7 +20,7 @@ from jaxmuscle.control import loop as loop_module
 from jaxmuscle.effects import CommandDelay
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import replace
-from jaxmuscle.robot.reference import MEAN_PRESSURE, robot_joint
+from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_joint
 
 STEP = 2e-3
 REST = {"pressure": np.full(2, bench.AMBIENT + MEAN_PRESSURE)}

@@ -21,7 +21,7 @@ from jaxmuscle.control import (
 )
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import replace
-from jaxmuscle.robot.reference import MEAN_PRESSURE, robot_joint
+from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_joint
 
 STEP = 2e-3
 TIMES = np.arange(20) * STEP

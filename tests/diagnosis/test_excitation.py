@@ -7,6 +7,7 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.dependence import variables
 from jaxmuscle.diagnosis.excitation import (
     columns_moving_within_a_segment,
     excited,
@@ -14,9 +15,8 @@ from jaxmuscle.diagnosis.excitation import (
     moving_columns,
     training_segments,
 )
-from jaxmuscle.diagnosis.unknown import variables
 from jaxmuscle.effects import CATALOGUE
-from jaxmuscle.fitting.case import case
+from jaxmuscle.estimation.windows import case
 from jaxmuscle.recordings.recording import joined
 
 NOISE = 0.3

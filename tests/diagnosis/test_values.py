@@ -11,7 +11,7 @@ from oracles import bench
 from oracles.recorded import clock
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.conclude import _estimates
+from jaxmuscle.diagnosis.diagnose import _estimates
 from jaxmuscle.robot import robot
 
 SMALL = 0.1

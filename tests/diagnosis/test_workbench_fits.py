@@ -7,11 +7,10 @@ import pytest
 from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
-from jaxmuscle.diagnosis.workbench import SETTLED, workbench
-from jaxmuscle.estimation.slopes import values_and_chosen_slopes
-from jaxmuscle.fitting.case import case
-from jaxmuscle.fitting.prior import Prior
-from jaxmuscle.fitting.residuals import evaluate
+from jaxmuscle.diagnosis.candidates import SETTLED, workbench
+from jaxmuscle.estimation.free_parameters import Prior
+from jaxmuscle.estimation.residuals import evaluate, values_and_chosen_slopes
+from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, replace
 
 TRUE = {

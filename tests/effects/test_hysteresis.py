@@ -10,7 +10,8 @@ from oracles import bench
 from oracles.bench import built
 
 from jaxmuscle.effects import LengthHysteresis
-from jaxmuscle.effects.hysteresis import THRESHOLDS, play
+from jaxmuscle.effects.muscle import THRESHOLDS
+from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.signals import Signals
 
 MUSCLE = bench.model("driven").muscle

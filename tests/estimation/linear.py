@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from jaxmuscle.estimation.fitted import Fitted
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
+from jaxmuscle.estimation.intervals import Fitted
+from jaxmuscle.estimation.residual_analysis import Series
 from jaxmuscle.parameters import Parameter
 
 ROWS = 400

@@ -11,8 +11,8 @@ from estimation.own_rig import Drive
 import jaxmuscle as jm
 from jaxmuscle import InputError
 from jaxmuscle.effects.base import STICKING_TIME, slip_of_mass, slip_of_velocity
-from jaxmuscle.estimation.slopes import residual_vector
-from jaxmuscle.estimation.stations import station, widened
+from jaxmuscle.estimation.dataset import station, widened
+from jaxmuscle.estimation.residuals import residual_vector
 
 STEP, NOISE = 4e-3, 2e-5
 TRUE = {"mass": 30.0, "effects.load_friction.force": 20.0, "effects.load_damping.coefficient": 200.0}

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jaxmuscle.estimation.correlation import coloured_meat, memory
+from jaxmuscle.estimation.coloured_noise import autocovariance, coloured_meat, memory
 from jaxmuscle.estimation.covariance import covariance
-from jaxmuscle.estimation.lags import autocovariance
+from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns
 from jaxmuscle.estimation.losses import LOSSES, Squares, Student
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.unknowns import Unknown, Unknowns
-from jaxmuscle.fitting.prior import Prior
+from jaxmuscle.estimation.residual_analysis import Series
 from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS = 1200, 24

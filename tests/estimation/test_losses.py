@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxmuscle.estimation.loss import Loss
-from jaxmuscle.estimation.losses import LOSSES, Huber, Squares, Student, loss_named
+from jaxmuscle.estimation.losses import LOSSES, Huber, Loss, Squares, Student, loss_named
 
 
 @pytest.mark.parametrize("name", ["squares", "huber", "student"])

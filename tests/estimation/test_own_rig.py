@@ -10,9 +10,9 @@ from estimation.own_rig import STEP, TRUE, Drive, drive, measured
 import jaxmuscle as jm
 from jaxmuscle import InputError
 from jaxmuscle.actuators import RIGS, Isotonic, register
-from jaxmuscle.estimation import search
-from jaxmuscle.estimation.asked import Asked
-from jaxmuscle.estimation.layout import layout
+from jaxmuscle.estimation import multistart
+from jaxmuscle.estimation.parameter_layout import layout
+from jaxmuscle.estimation.request import Asked
 from jaxmuscle.parameters import get
 
 FREE = ["mass", "load_damping.coefficient", "spring.stiffness"]
@@ -53,7 +53,7 @@ def test_the_error_of_the_solver_is_taken_off(result, monkeypatch):
     start = drive(5.0, (50.0, 5.0), 5.0)
     fine = Fine(mass=start.mass, gain=start.gain, effects=start.effects)
     exact = jm.fit(fine, recorded(fine), FREE).parameters
-    monkeypatch.setattr(search, "refined", lambda objective, u, matrix: objective)
+    monkeypatch.setattr(multistart, "refined", lambda objective, u, matrix: objective)
     plain = jm.fit(start, recorded(start), FREE)
 
     def off(found):

@@ -7,7 +7,7 @@ from estimation.made import fitted, lifted, pulled
 
 import jaxmuscle as jm
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation import slopes
+from jaxmuscle.estimation import residuals
 
 SOLVERS = {
     "LevenbergMarquardt": optx.LevenbergMarquardt(1e-3, 1e-3),
@@ -40,8 +40,8 @@ def test_it_ends_at_our_minimum(name, recording, own):
 def test_no_simulation_is_compiled_anew_for_it(recording, own, monkeypatch):
     """The programs of our own fit are taken; `_block` runs once for each link that is traced."""
     traced = []
-    block = slopes._block
-    monkeypatch.setattr(slopes, "_block", lambda *args: traced.append(1) or block(*args))
+    block = residuals._block
+    monkeypatch.setattr(residuals, "_block", lambda *args: traced.append(1) or block(*args))
     again = fitted(recording, *FREE, solver=optx.GaussNewton(1e-3, 1e-3))
     assert again.cost == pytest.approx(own.cost, rel=1e-5) and not traced
 

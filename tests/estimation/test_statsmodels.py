@@ -15,17 +15,12 @@ from statsmodels.stats.sandwich_covariance import cov_cluster
 from statsmodels.tsa.arima_process import ArmaProcess
 from statsmodels.tsa.stattools import acovf
 
-from jaxmuscle.estimation.autoregression import Autoregression, burg
-from jaxmuscle.estimation.clusters import PARTS
-from jaxmuscle.estimation.correlation import coloured_meat
-from jaxmuscle.estimation.covariance import covariance
-from jaxmuscle.estimation.descent import descend
-from jaxmuscle.estimation.lags import autocovariance
-from jaxmuscle.estimation.lane import Limits, Local, Tolerances
-from jaxmuscle.estimation.loss import LIMIT
-from jaxmuscle.estimation.losses import Huber, Squares, Student
-from jaxmuscle.estimation.series import Series
-from jaxmuscle.estimation.unknowns import Unknown, Unknowns
+from jaxmuscle.estimation.coloured_noise import Autoregression, autocovariance, burg, coloured_meat
+from jaxmuscle.estimation.covariance import PARTS, covariance
+from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
+from jaxmuscle.estimation.losses import LIMIT, Huber, Squares, Student
+from jaxmuscle.estimation.residual_analysis import Series
+from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, Tolerances, descend
 from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS, COUNT = 600, 24, 3

@@ -7,7 +7,7 @@ from oracles.driven import driven
 
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.units import Series
+from jaxmuscle.units import Series
 
 NOISE = 0.8
 """Of the force sensor [N]."""

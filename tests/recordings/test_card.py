@@ -10,8 +10,8 @@ from jaxmuscle.actuators import RIGS, Isotonic, Joint
 from jaxmuscle.effects import LoadDamping
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.recordings import Card, actuator_from_card, schema
-from jaxmuscle.recordings.units import STANDARD_ATMOSPHERE
 from jaxmuscle.samples import NAMES, sample
+from jaxmuscle.units import STANDARD_ATMOSPHERE
 
 
 def card(name: str) -> Card:

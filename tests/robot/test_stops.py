@@ -12,8 +12,8 @@ from jaxmuscle import simulate
 from jaxmuscle.actuators import Held
 from jaxmuscle.analysis import equilibrium
 from jaxmuscle.parameters import parameters, replace
-from jaxmuscle.robot.friction import between_stops, coupled_slip, stop_torque
-from jaxmuscle.robot.reference import robot_arm
+from jaxmuscle.robot.arm import between_stops, coupled_slip, stop_torque
+from jaxmuscle.robot.tondu2000 import robot_arm
 
 MATRIX = robot_arm(0.5).mass_matrix(jnp.array([0.0, 0.7]))
 MASS = np.asarray(MATRIX)

@@ -7,7 +7,7 @@ import pytest
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.robot import Trapezoid, joint_motion, joints_along, line, tip
-from jaxmuscle.robot.reference import robot_arm
+from jaxmuscle.robot.tondu2000 import robot_arm
 
 ARM = robot_arm()
 A, B = np.array([0.7, 0.3]), np.array([-0.1, 0.7])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxmuscle as jm
-from jaxmuscle.actuators.base import AbstractActuator
+from jaxmuscle.actuators.actuator import AbstractActuator
 
 CLOCK = np.arange(80) * 0.002
 REDUCTIONS = ("maximum", "final")

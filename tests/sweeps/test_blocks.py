@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import jaxmuscle as jm
-from jaxmuscle.sweeps.blocks import BATCH_SHARE, BLOCK_SHARE, LANES, cut
-from jaxmuscle.sweeps.columns import columns_of
-from jaxmuscle.sweeps.job import Job, Plan, _batch, default_devices
-from jaxmuscle.sweeps.points import points_of
-from jaxmuscle.sweeps.setup import bench_of
+from jaxmuscle.sweeps.job import BATCH_SHARE, BLOCK_SHARE, LANES, Job, Plan, _batch, cut, default_devices
+from jaxmuscle.sweeps.operating_points import points_of
+from jaxmuscle.sweeps.outputs import columns_of
+from jaxmuscle.sweeps.scenario import bench_of
 from jaxmuscle.sweeps.sweep import _bytes_a_point
 
 SHAPES = [(1,), (7,), (100,), (4097,), (3, 10007), (1000, 600), (97, 101, 11), (5, 1, 2, 3), (1, 1)]

@@ -8,7 +8,7 @@ import pytest
 CODE = """
 import jax, numpy as np, jaxmuscle as jm
 from jaxmuscle.sweeps import columns, job, points, setup, sweep
-from jaxmuscle.sweeps.blocks import cut
+from jaxmuscle.sweeps.job import cut
 assert len(jax.devices()) == 2
 machine, clock = jm.actuator(jm.read(jm.sample("lift")).card), np.arange(60) * 0.002
 bench = setup.bench_of(machine, {}, jm.commands.Sine(amplitude=2.0), clock, {})

@@ -4,7 +4,7 @@ import re
 
 from rich.console import Console
 
-from jaxmuscle.sweeps.progress import _bar, shown
+from jaxmuscle.sweeps.sweep import _bar, shown
 
 
 def test_a_line_each_tenth_on_standard_error(capsys):

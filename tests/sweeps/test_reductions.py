@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from operations import LAPACK, operations
 
-from jaxmuscle.sweeps.bench import Trajectory
 from jaxmuscle.sweeps.reductions import BY_NAME, CATALOGUE
+from jaxmuscle.sweeps.scenario import Trajectory
 
 TIME = np.arange(4001) * 0.001
 LAG = 0.05

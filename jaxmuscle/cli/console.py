@@ -1,0 +1,122 @@
+"""Console output: results on standard output, progress on standard error, messages and exit statuses of
+faults.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from jaxmuscle.errors import InputError
+from jaxmuscle.progress import Progress, in_words
+
+FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit status when the program is at fault, when the input is, and after Ctrl-C."""
+
+
+@contextmanager
+def faults(debug: bool) -> Iterator[None]:
+    """Turn exceptions into a message and an exit status."""
+    try:
+        yield
+    except InputError as error:
+        if debug:
+            traceback.print_exc()
+        typer.echo(f"jaxmuscle: {error}", err=True)
+        raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt as error:
+        typer.echo("jaxmuscle: interrupted", err=True)
+        raise typer.Exit(INTERRUPTED) from error
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        advice = "" if debug else " and the output of the same command with --debug"
+        typer.echo(f"jaxmuscle: a fault of the program, not of your input: {what}", err=True)
+        typer.echo(f"Please report it with your recording's card{advice}.", err=True)
+        raise typer.Exit(FAULT) from error
+
+
+WIDE = 150
+"""Columns of a table that goes to a file or another program."""
+HEARTBEAT = 10.0
+"""Seconds of silence after which a line tells that the work goes on, where there is no terminal."""
+Tell = Callable[[Progress | str], None]
+
+
+def output() -> Console:
+    """Standard output, for tables of texts that may contain brackets."""
+    wide = None if sys.stdout.isatty() else WIDE
+    return Console(width=wide, markup=False, highlight=False)
+
+
+def list_files(files: Iterable[Path]) -> None:
+    """The files that were written, a line each."""
+    for file in files:
+        typer.echo(str(file))
+
+
+@contextmanager
+def progress() -> Iterator[Tell]:
+    """Tell what is going on: a bar in a terminal, a line each elsewhere. Standard error only."""
+    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    with (_bar if console.is_terminal else _lines)(console) as tell:
+        yield tell
+
+
+@contextmanager
+def _bar(console: Console) -> Iterator[Tell]:
+    """A bar with a fraction and the time left for a :class:`Progress`, a spinner for a text."""
+    from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn
+    from rich.progress import Progress as Display
+
+    parts = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(bar_width=24),
+             TaskProgressColumn(), TextColumn("{task.fields[left]}"))  # fmt: skip
+    with Display(*parts, console=console, transient=True) as display:
+        task = display.add_task("", total=None, left="")
+
+        def tell(now: Progress | str) -> None:
+            if isinstance(now, Progress):
+                left = f"about {in_words(now.seconds_left)} left"
+                display.update(task, description=now.doing, total=1.0, completed=now.fraction, left=left)
+            else:
+                display.update(task, description=now)
+
+        yield tell
+
+
+@contextmanager
+def _lines(console: Console) -> Iterator[Tell]:
+    """A line for each new thing that is done and each tenth, and where there was none for some seconds."""
+    ended, begin, told, tenths = threading.Event(), time.monotonic(), time.monotonic(), 0
+    last, seen = "", set[str]()
+
+    def tell(now: Progress | str) -> None:
+        nonlocal told, tenths, last
+        doing, fraction = (now.doing, now.fraction) if isinstance(now, Progress) else (now, 0.0)
+        if doing in seen and int(10 * fraction + 1e-9) <= tenths:
+            return
+        seen.add(doing)
+        last, told, tenths = str(now), time.monotonic(), int(10 * fraction + 1e-9)
+        console.print(last)
+
+    def beat() -> None:
+        nonlocal told
+        while not ended.wait(0.5):
+            if time.monotonic() - told > HEARTBEAT:
+                told = time.monotonic()
+                console.print(f"… {in_words(told - begin)} so far; {last}")
+
+    threading.Thread(target=beat, daemon=True, name="heartbeat").start()
+    try:
+        yield tell
+    finally:
+        ended.set()

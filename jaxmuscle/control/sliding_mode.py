@@ -1,0 +1,125 @@
+"""Sliding-mode (variable-structure) controller of [T] for a joint that was identified as second order."""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxmuscle.control.pid import check_signs, smoothed
+from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import Scalar, parameter
+
+Value = Float[Array, ""]
+
+BAR = 1e5
+
+
+class JointModel(eqx.Module):
+    r"""Identified joint, [T] 28, open loop: :math:`\ddot θ + a_1 \dot θ + a_2 θ = b\,ΔU`."""
+
+    damping: Scalar = parameter("1/s", "coefficient a1 of the velocity", nonnegative=True)
+    stiffness: Scalar = parameter("1/s^2", "coefficient a2 of the angle", nonnegative=True)
+    gain: Scalar = parameter("rad/(s^2 Pa)", "acceleration b per pressure difference", positive=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a coefficient whose sign is wrong."""
+        check_signs(self)
+
+
+class Reference(NamedTuple):
+    """Wanted angle [rad], velocity [rad/s] and acceleration [rad/s²]."""
+
+    angle: Value
+    velocity: Value
+    acceleration: Value
+
+
+class Sliding(eqx.Module):
+    """State of the controller: integrator [Pa], last error [rad], its filtered rate and second rate."""
+
+    integral: Value
+    error: Value
+    rate: Value
+    second: Value
+
+
+class SlidingMode(eqx.Module):
+    r"""Variable-structure controller, [T] 26, 28 and 29: :math:`ΔU = ΔU_{eq} + ΔU_d + ΔU_i`, e = θ_d - θ.
+
+    .. math::
+        s &= \dot e + C e + C' \ddot e \quad \text{(26), improved by the last term} \\
+        ΔU_{eq} &= \tfrac1b [\ddot θ_d + a_1 \dot θ_d + a_2 θ_d - a_2 e + (C - a_1) \dot e] \quad (29) \\
+        ΔU_d &= (α |e| + β |\dot e| + γ)\,\mathrm{sat}(s / w)
+
+    ΔU_d (Harashima) is limited to ±`limit`; its sign is linear within w of the sliding line. The integrator
+    acts while \|e\| < `integral_band` and is limited to ±`integral_limit`. With ΔU_eq alone and the
+    identified joint the error obeys ë + C ė = 0. Rates are differences of the error, smoothed.
+
+    The six numbers that [T] tunes are C, C', α, β, γ and the integrator's gain; it gives C = 5 to 10 and
+    C' = 0.01 to 0.05, a sampling period of 2 ms, and the limits that are the defaults here.
+    """
+
+    reads: ClassVar = "rad"
+    gives: ClassVar = "Pa"
+    joint: JointModel
+    slope: Scalar = parameter("1/s", "slope C of the sliding line", positive=True)
+    curvature: Scalar = parameter("s", "weight C' of the second rate", default=0.0, nonnegative=True)
+    per_error: Scalar = parameter("Pa/rad", "α", default=0.0, nonnegative=True)
+    per_rate: Scalar = parameter("Pa s/rad", "β", default=0.0, nonnegative=True)
+    least: Scalar = parameter("Pa", "γ", default=0.0, nonnegative=True)
+    integral_gain: Scalar = parameter("Pa/(rad s)", "gain of the integrator", default=0.0, nonnegative=True)
+    boundary: Scalar = parameter("rad/s", "half-width w of the linear sign", default=0.1, positive=True)
+    limit: Scalar = parameter("Pa", "largest ΔU_d", default=BAR, positive=True)
+    integral_limit: Scalar = parameter("Pa", "largest ΔU_i", default=0.8 * BAR, positive=True)
+    integral_band: Scalar = parameter(
+        "rad", "error below which it integrates", default=jnp.pi / 18, positive=True
+    )
+    smoothing: Scalar = parameter("s", "time constant of the rates", default=0.01, nonnegative=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a gain, a limit or a time constant whose sign is wrong."""
+        check_signs(self)
+
+    def start(self, error: float | Array = 0.0) -> Sliding:
+        """At rest, with an error that has not changed."""
+        zero = jnp.zeros(())
+        return Sliding(zero, jnp.asarray(error, dtype=float), zero, zero)
+
+    def equivalent(self, wanted: Reference, error: Value, rate: Value) -> Value:
+        """ΔU_eq [Pa], [T] 29: what keeps the identified joint on the sliding line (26)."""
+        joint = self.joint
+        held = wanted.acceleration + joint.damping * wanted.velocity + joint.stiffness * wanted.angle
+        back = -joint.stiffness * error + (self.slope - joint.damping) * rate
+        return (held + back) / joint.gain
+
+    def switching(self, error: Value, rate: Value, second: Value) -> Value:
+        """ΔU_d [Pa]: towards the sliding line."""
+        line = rate + self.slope * error + self.curvature * second
+        size = self.per_error * jnp.abs(error) + self.per_rate * jnp.abs(rate) + self.least
+        return jnp.clip(size * jnp.clip(line / self.boundary, -1.0, 1.0), -self.limit, self.limit)
+
+    def update(
+        self, state: Sliding, wanted: Reference, angle: Value, step: float | Value
+    ) -> tuple[Sliding, Value]:
+        """The state after a sample of `step` seconds, and ΔU [Pa] until the next: P0 ± ΔU for the muscles.
+
+        Raises:
+            InputError: `wanted` is no :class:`Reference`.
+        """
+        if not isinstance(wanted, Reference):
+            got = "an array" if isinstance(wanted, Array) else type(wanted).__name__
+            raise InputError(
+                "SlidingMode: expected a control.Reference (angle, velocity and acceleration) as the "
+                f"reference; got {got}; zeros do for the rates of a target at rest"
+            )
+        error = wanted.angle - angle
+        rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
+        second = smoothed(state.second, (rate - state.rate) / step, self.smoothing, step)
+        near = jnp.abs(error) < self.integral_band
+        grown = state.integral + jnp.where(near, self.integral_gain * step * error, 0.0)
+        integral = jnp.clip(grown, -self.integral_limit, self.integral_limit)
+        command = self.equivalent(wanted, error, rate) + self.switching(error, rate, second) + integral
+        return Sliding(integral, error, rate, second), command

@@ -1,0 +1,215 @@
+"""Dependence of the model discrepancy on measured variables: a nonparametric term, what the final model
+leaves unexplained, and the partial-residual plot of an effect.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import strength_path
+from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
+from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
+from jaxmuscle.diagnosis.result import Error, Reveal, Unexplained
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.windows import Case
+from jaxmuscle.parameters import replace
+
+Series = NDArray[np.float64]
+
+KNOTS = 9
+WORTHWHILE = 0.05
+"""Further share that a variable must explain to be named."""
+MOST = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Dependence:
+    """Share of the missing rate that smooth functions of `variables` explain on unseen windows."""
+
+    variables: tuple[str, ...]
+    share: float
+
+
+def variables(case: Case) -> dict[str, Series]:
+    """The measured variables that move, by name: columns, and rates of those that have a rate state.
+
+    The commands, where no state of the rig is measured. A rate moves where its column moves within a segment.
+    """
+    actuator, measured = case.actuator, case.observed.track.measured
+    moving, within = moving_columns(case), columns_moving_within_a_segment(case)
+    if not actuator.measured:
+        return {name: case.recording.columns[name] for name in actuator.commands if name in moving}
+    named: dict[str, Series] = {}
+    for state, columns in {
+        **actuator.measured,
+        **{d: actuator.measured[b] for d, b in actuator.derivatives.items()},
+    }.items():
+        table = np.asarray(measured[state]).reshape(case.observed.samples, -1)
+        for i, column in enumerate(columns):
+            if column in (moving if state in actuator.measured else within):
+                named[column if state in actuator.measured else state] = table[:, i]
+    return named
+
+
+def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) -> Dependence:
+    """Find the variables on which a missing rate depends, one by one, judged on windows left out.
+
+    Every second training window is fitted, the others judge, and the other way round. Weights are the
+    precision of the missing rate at each sample.
+    """
+    chosen: tuple[str, ...] = ()
+    best = 0.0
+    while len(chosen) < MOST:
+        trials: dict[tuple[str, ...], float] = {
+            (*chosen, name): explained(missing, named, (*chosen, name), case)
+            for name in named
+            if name not in chosen
+        }
+        if not trials:
+            break
+        candidate = max(trials, key=trials.__getitem__)
+        if trials[candidate] < best + WORTHWHILE:
+            break
+        chosen, best = candidate, trials[candidate]
+    return Dependence(chosen, best)
+
+
+def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the training windows, and the fold of each."""
+    windows = case.windows
+    rows, folds = [], []
+    for number in np.flatnonzero(~windows.held_out):
+        inside = windows.rows[number] + np.flatnonzero(windows.mask[number])
+        rows.append(inside)
+        folds.append(np.full(len(inside), number % 2))
+    return np.concatenate(rows), np.concatenate(folds)
+
+
+def explained(missing: MissingRate, named: Mapping[str, Series], names: tuple[str, ...], case: Case) -> float:
+    """Share of a missing rate that smooth functions of `names` explain on windows they were not fitted to."""
+    rows, fold = _training_rows(case)
+    basis = _basis([named[name][rows] for name in names])
+    before = after = 0.0
+    for column, values in missing.values.items():
+        spread = missing.spread[column][rows]
+        weight = 1 / np.maximum(spread, np.quantile(spread, 0.05) + 1e-300)
+        target, scaled = values[rows] * weight, basis * weight[:, None]
+        for judged in (0, 1):
+            fitted, unseen = fold != judged, fold == judged
+            ridge = np.sqrt(1e-6) * np.linalg.norm(scaled[fitted], axis=0).max() * np.eye(basis.shape[1])
+            coefficients = np.linalg.lstsq(
+                np.vstack([scaled[fitted], ridge]), np.concatenate([target[fitted], ridge[0] * 0]), rcond=None
+            )[0]
+            before += float((target[unseen] ** 2).sum())
+            after += float(((target[unseen] - scaled[unseen] @ coefficients) ** 2).sum())
+    return 1 - after / before if before > 0 else 0.0
+
+
+def _basis(series: list[Series]) -> NDArray[np.float64]:
+    """Hat functions of every variable, its sign, and the products of low degree between variables.
+
+    Nothing grows outside the range of the data: a polynomial would, on windows that reach a little further.
+    """
+    parts = [np.ones((len(series[0]), 1))]
+    low = []
+    for values in series:
+        knots = np.unique(np.quantile(values, np.linspace(0, 1, KNOTS)))
+        hats = np.stack([np.interp(values, knots, unit) for unit in np.eye(len(knots))[1:]], axis=1)
+        sign = np.tanh(values / (0.02 * np.abs(values).max() + 1e-300))[:, None]
+        centred = (values - values.mean())[:, None] / (np.ptp(values) + 1e-300)
+        parts += [hats, sign]
+        low.append(np.hstack([centred, sign]))
+    for i, first in enumerate(low):
+        for second in low[i + 1 :]:
+            parts.append((first[:, :, None] * second[:, None, :]).reshape(len(first), -1))
+    return np.hstack(parts)
+
+
+SURPRISE = 3.0
+"""Ratio of errors on unseen and on training data above which the training data did not tell all."""
+UNEXPLAINED = 3.0
+"""Root mean square weighted residual of a link (1 = noise) above which something is left unexplained."""
+
+
+def unexplained(
+    case: Case,
+    missing: Sequence[MissingRate],
+    squares: Mapping[str, float],
+    after: Mapping[str, Mapping[str, Error]],
+) -> tuple[Unexplained, ...]:
+    """Links whose residual the final model leaves large, on the training data or only on unseen data."""
+    left = []
+    for rate in missing:
+        rms = float(np.sqrt(squares[rate.link.output]))
+        for column in case.actuator.outputs[rate.link.output]:
+            seen, unseen = (after[part][column].in_noise for part in ("training", "held_out"))
+            if unseen > SURPRISE * max(seen, 1.0):
+                rms = max(rms, unseen)
+        if rms > UNEXPLAINED:
+            found = dependence(rate, variables(case), case)
+            left.append(Unexplained(rate.link.signal, found.share, found.variables, rms))
+    return tuple(left)
+
+
+def reveal(
+    case: Case,
+    model: AbstractActuator,
+    effect: type[AbstractEffect] | None,
+    missing: Sequence[MissingRate],
+) -> Reveal | None:
+    """Partial residuals of `effect`: what the final model lacks when only that effect is taken out of it.
+
+    The fitted declared model would show less: its other parameters are bent to make up for what it lacks.
+    Without an effect, what the model lacks is shown against the variable on which it depends most; `None`
+    if it depends on none, or nothing that is measured moves.
+
+    Args:
+        model: the final model.
+        missing: its missing rates.
+    """
+    without = missing_rates(case, replace(model, {strength_path(effect): 0.0})) if effect else missing
+    old, new, column = max(
+        ((a, b, c) for a, b in zip(without, missing, strict=True) for c in a.values),
+        key=lambda entry: _size(entry[0] if effect is None else _difference(*entry), entry[2]),
+    )
+    named = variables(case)
+    if not named:
+        return None
+    if effect is None:
+        alone = dataclasses.replace(old, values={column: old.values[column]})
+        found = dependence(alone, named, case).variables
+        if not found:
+            return None
+        variable = found[0]
+    else:
+        difference = _difference(old, new, column)
+        variable = max(named, key=lambda name: explained(difference, named, (name,), case))
+    rate = variable in case.actuator.derivatives
+    unit = case.actuator.states[variable].unit if rate else case.actuator.column(variable).unit
+    return Reveal(
+        effect=effect.name if effect else None,
+        signal=old.link.signal,
+        variable=variable,
+        variable_unit=unit,
+        unit=old.unit,
+        x=named[variable],
+        before=old.values[column],
+        after=new.values[column],
+    )
+
+
+def _difference(old: MissingRate, new: MissingRate, column: str) -> MissingRate:
+    """What the effect adds to a column's rate, with no sample better known than another."""
+    spread = np.full_like(new.spread[column], np.median(new.spread[column]))
+    return dataclasses.replace(
+        old, values={column: old.values[column] - new.values[column]}, spread={column: spread}
+    )
+
+
+def _size(missing: MissingRate, column: str) -> float:
+    return float(np.mean((missing.values[column] / np.maximum(missing.spread[column], 1e-300)) ** 2))

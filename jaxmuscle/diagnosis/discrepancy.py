@@ -1,0 +1,103 @@
+"""Model discrepancy in the state derivatives: the rate a state has, minus the rate that the model gives
+it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.actuators.variables import Link, rate_unit
+from jaxmuscle.estimation.windows import Case
+from jaxmuscle.recordings.smoothing import noise_level, smooth
+from jaxmuscle.simulation import Track, held_at, observe
+
+Series = NDArray[np.float64]
+Arrays = dict[str, Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class MissingRate:
+    """Missing rate of the state behind each column of a link, and its standard deviation, at every sample.
+
+    For a rig whose states are all imposed: what is missing in the reading itself.
+    """
+
+    link: Link
+    values: dict[str, Series]
+    spread: dict[str, Series]
+    unit: str
+
+
+def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
+    """Of every link of `model` on the whole recording, all measured states taken as measured.
+
+    The standard deviation is that of the smoothed rate and, where the model's rate hangs on a smoothed
+    derivative (a mass that sticks is held by a force that the least velocity makes), that of the latter.
+    """
+    track, samples = case.observed.track, case.observed.samples
+    substeps = case.problem.substeps
+    rates, readings = rates_and_readings(model, track, samples, substeps)
+    variance = {name: jnp.zeros_like(values) for name, values in rates.items()}
+    for name in model.derivatives:
+        spread = case.observed.spread[name]
+        shifted = (_shifted(track, name, sign * spread) for sign in (1, -1))
+        up, down = (rates_and_readings(model, other, samples, substeps)[0] for other in shifted)
+        variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
+    return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
+
+
+def _shifted(track: Track, name: str, shift: Array) -> Track:
+    return eqx.tree_at(lambda t: t.measured, track, {**track.measured, name: track.measured[name] + shift})
+
+
+@eqx.filter_jit
+def rates_and_readings(
+    model: AbstractActuator, track: Track, samples: int, substeps: int
+) -> tuple[Arrays, Arrays]:
+    """Rates of the measured states, and readings, that `model` gives at every sample of a measured track."""
+    hidden = observe(model, track, samples, substeps)
+
+    def instant(row, start):
+        state = {**start.state, **track.at(row)}
+        held = held_at(model, track, row, start.memory)
+        signals = model.signals(state, held)
+        return model.vector_field(state, held), model.readings(signals)
+
+    rates, readings = jax.vmap(instant)(jnp.arange(samples), hidden)
+    return {name: rates[name] for name in (*model.measured, *model.derivatives)}, readings
+
+
+def _of_link(
+    case: Case, model: AbstractActuator, link: Link, rates: Arrays, readings: Arrays, variance: Arrays
+) -> MissingRate:
+    columns, step = case.recording.columns, case.recording.step
+    names = model.outputs[link.output]
+    unit = model.column(names[0]).unit
+    values, spread = {}, {}
+    if link.output not in model.measured:
+        for name, modelled in _by_column(names, readings[link.output]).items():
+            values[name] = columns[name] - modelled
+            spread[name] = np.full_like(
+                modelled, case.recording.card.noise.get(name) or noise_level(columns[name])
+            )
+        return MissingRate(link, values, spread, unit)
+    state = next((d for d, base in model.derivatives.items() if base == link.output), link.output)
+    order = 1 if state == link.output else 2
+    for name, modelled in _by_column(names, rates[state]).items():
+        estimate, own = smooth(columns[name], step, noise_level(columns[name]), order)
+        values[name] = estimate - modelled
+        spread[name] = np.hypot(own, np.sqrt(_by_column(names, variance[state])[name]))
+    return MissingRate(link, values, spread, rate_unit(unit) if order == 1 else rate_unit(rate_unit(unit)))
+
+
+def _by_column(names: tuple[str, ...], values: Array) -> dict[str, Series]:
+    table = np.asarray(values).reshape(len(values), -1)
+    return {name: table[:, i] for i, name in enumerate(names)}

@@ -1,0 +1,256 @@
+"""Ranking of candidate effects by cross-validation: fitted on some windows, judged on the others.
+
+In seconds of the sample `lift` on two cores, from nothing compiled; most of it is compilation, so that what
+has been compiled in an earlier round is far less. Other rigs take longer in all parts alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jaxmuscle._config import cores
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import (
+    SETTLED,
+    Workbench,
+    carries_state,
+    linear_strength,
+    shapes,
+    strength_path,
+    strengths,
+)
+from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parameters import parameters, replace
+from jaxmuscle.progress import Meter
+
+DECLARED = 8.0
+"""First fit of the declared model; two more, which cost next to nothing then."""
+CONCLUSION = 8.0
+"""Held-out predictions, standard deviations, what is unexplained."""
+SEARCH, SEARCH_WITH_STATE = 0.8, 14.0
+"""Search of one candidate; one with a state of its own has to be compiled for itself."""
+COMPILED = 0.2
+"""Part of that when its programs are there."""
+SEARCH_STEPS = (0.7, 0.1, 0.1, 0.1)
+"""Parts of a search: first start, short fit from it, second start, fits to the end. The first is compiled."""
+JUDGEMENT = 0.25
+"""A fit to one fold, and its judgement."""
+REFIT = 0.5
+
+
+def search_work(effect: type[AbstractEffect], again: bool) -> float:
+    """Work of the search of one candidate, in the first round or `again` in a later one."""
+    return (SEARCH_WITH_STATE if carries_state(effect) else SEARCH) * (COMPILED if again else 1.0)
+
+
+def round_work(effects: Sequence[type[AbstractEffect]], folds: int, again: bool) -> float:
+    """Work of a round that tries `effects` and judges them, and the model without them, on `folds` folds."""
+    searched = sum(search_work(effect, again) for effect in effects)
+    return searched + JUDGEMENT * folds * (len(effects) + 1)
+
+
+SHORT_STEPS, LONG_STEPS = 12, 60
+"""Steps of the fit from each base, and of the better one of them to its end."""
+
+
+def search(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+    meter: Meter,
+) -> AbstractActuator:
+    """`model` with `effect` added and everything fitted to `problem`.
+
+    Two short fits are made, from the fitted model and from the values of the card, and the better one is
+    carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
+    of its own. Each begins where the cost is least among several strengths of several shapes.
+    """
+    names = [*accepted, effect.name]
+    work, parts, fits = search_work(effect, again=bool(accepted)), iter(SEARCH_STEPS), []
+    for base in (model, bench.with_card_values(model)):
+        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
+        meter.did(next(parts) * work, f"trying {effect.name}")
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS))
+        meter.did(next(parts) * work, f"trying {effect.name}")
+    best, minimum = min(fits, key=lambda fit: fit[1].cost)
+    return best if minimum.code in SETTLED else bench.fit(best, names, problem, LONG_STEPS)[0]
+
+
+def _best_start(
+    bench: Workbench,
+    base: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> AbstractActuator:
+    """`base` with the strength and shape of `effect` at which the cost is least."""
+    path = strength_path(effect)
+    tries = []
+    for shape in shapes(effect):
+        shaped = replace(base, shape)
+        if path in shape:
+            tries.append(shaped)
+        else:
+            found = _strengths(bench, shaped, accepted, effect, problem)
+            tries += [replace(shaped, {path: strength}) for strength in found]
+    return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
+
+
+def _strengths(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> list[float]:
+    """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
+    path = strength_path(effect)
+    own = bench.free_paths(model, accepted)
+    residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
+    nonnegative = parameters(model)[path].nonnegative
+    linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
+    return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]
+
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+STEPS = 60
+"""Most steps of a fit on the windows of a fold."""
+FEW = 64
+"""Blocks below which four folds are made instead of two: half of a short recording determines too little."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """An effect, how well it predicts unseen windows, and the models fitted with it.
+
+    `model`: to all blocks; `folds`: to all but those of one fold, fold by fold.
+    """
+
+    effect: type[AbstractEffect]
+    evidence: Evidence
+    losses: Losses
+    model: AbstractActuator
+    folds: tuple[AbstractActuator, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranking:
+    """All candidates, best first; the loss of the model without any of them, and its fits to each fold."""
+
+    loss: float
+    folds: tuple[AbstractActuator, ...]
+    candidates: tuple[Candidate, ...]
+
+
+def rank(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    problem: Problem,
+    meter: Meter,
+) -> Ranking:
+    """Rank the candidates that are not yet accepted.
+
+    The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. The
+    blocks, stretches predicted in one go, ordered by how much moves in them, go to two folds in turn (four
+    when they are few): from there the present model and each candidate are fitted on all folds but one, with
+    all parameters that are free anyway, and judged on that one.
+    """
+    rest = [effect for effect in bench.candidates if effect.name not in accepted]
+    rest.sort(key=carries_state, reverse=True)  # what has to be compiled for itself comes first
+    folds = Folds(problem)
+    if accepted:
+        meter.expect(round_work(rest, folds.count, again=True))
+    searched = _on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
+    models = [(model, list(accepted))]
+    models += [(found, [*accepted, e.name]) for e, found in zip(rest, searched, strict=True)]
+    tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
+
+    def judge(task: tuple[AbstractActuator, list[str], int]) -> tuple[Losses, AbstractActuator]:
+        judged = folds.judged(bench, *task)
+        meter.did(JUDGEMENT, "judging all on windows that they were not fitted to")
+        return judged
+
+    judged, count = _on_all_cores(judge, tasks), folds.count
+    losses = [
+        np.concatenate([loss for loss, _ in judged[i : i + count]]) for i in range(0, len(judged), count)
+    ]
+    fitted = [tuple(model for _, model in judged[i : i + count]) for i in range(0, len(judged), count)]
+    base = losses[0]
+    candidates = [
+        Candidate(effect, compare(base, own), own, found, models)
+        for effect, own, found, models in zip(rest, losses[1:], searched, fitted[1:], strict=True)
+    ]
+    candidates.sort(key=lambda candidate: candidate.evidence.loss)
+    return Ranking(float(np.expm1(base.mean())), fitted[0], tuple(candidates))
+
+
+def _on_all_cores(function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+    """`function` of every task, as many side by side as there are cores.
+
+    After an error or a Ctrl-C, tasks that have not begun are dropped, and the others are not waited for.
+    """
+    pool = ThreadPoolExecutor(cores(), thread_name_prefix="diagnosis")
+    try:
+        return list(pool.map(function, tasks))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def fold_count(problem: Problem) -> int:
+    """Number of folds into which the blocks of a problem go."""
+    number = int(blocks(len(problem.rows), problem.samples, int(problem.period)).max()) + 1
+    return 4 if number < FEW else 2
+
+
+class Folds:
+    """The blocks of a problem in several parts, each with its share of what moves."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.block = blocks(len(problem.rows), problem.samples, int(problem.period))
+        number = int(self.block.max()) + 1
+        self.count = fold_count(problem)
+        order = np.argsort(-_extent(problem, self.block), kind="stable")
+        self.fold_of = np.empty(number, dtype=int)
+        self.fold_of[order] = np.arange(number) % self.count
+
+    def judged(
+        self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int
+    ) -> tuple[Losses, AbstractActuator]:
+        """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
+        judged = np.flatnonzero(self.fold_of == fold)
+        fitting = self.problem.only(~np.isin(self.block, judged))
+        fitted, _ = bench.fit(model, effects, fitting, STEPS)
+        residuals = bench.residuals(fitted, self.problem)
+        return block_losses(residuals, self.problem.weights, self.block, judged), fitted
+
+
+def _extent(problem: Problem, block: Blocks) -> NDArray[np.float64]:
+    """How much the outputs move in each block, the most in any being 1 for each output."""
+    parts = range(int(block.max()) + 1)
+    rows = [np.nonzero(block == part) for part in parts]
+    extent = np.zeros(len(rows))
+    for output, values in problem.targets.items():
+        table, there = np.asarray(values), np.asarray(problem.weights[output]) > 0
+        ranges = np.array([_ranges(table[r], there[r]) for r in rows])
+        extent += ranges / max(ranges.max(), 1e-300)
+    return extent
+
+
+def _ranges(values: NDArray[np.float64], there: NDArray[np.bool_]) -> float:
+    """Sum over muscles of the range of the samples that count."""
+    table, mask = values.reshape(len(values), -1), there.reshape(len(there), -1)
+    return float(sum(np.ptp(v[m]) if m.any() else 0.0 for v, m in zip(table.T, mask.T, strict=True)))

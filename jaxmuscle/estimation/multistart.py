@@ -1,0 +1,313 @@
+"""Multi-start search: Latin-hypercube starts, duplicates merged, stages of growing windows, the best
+minimum.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from numbers import Real
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.estimation.dataset import Station, in_parts, widened
+from jaxmuscle.estimation.deferred_correction import refined
+from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
+from jaxmuscle.estimation.initial_states import loosened
+from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.weights import weighted, with_estimated_noise
+from jaxmuscle.optimization.levenberg_marquardt import (
+    BUDGET,
+    FAILED,
+    Course,
+    Lane,
+    Limits,
+    Local,
+    best,
+    descend,
+)
+from jaxmuscle.parameter_names import EFFECTS
+
+PARTS = (40, 16, 4)
+"""Parts of a window on which starts are brought down first, one after the other.
+
+In a fortieth of a window an error has little time to grow: the cost is nearly that of the accelerations,
+which has hardly a minimum but one. Each longer part is begun within reach of its minimum.
+"""
+SHORTEST_PART = 4
+"""Samples in a part at least."""
+
+
+def stages(
+    stations: Sequence[Station], continuation: Sequence[float]
+) -> Iterator[tuple[str, Sequence[Station]]]:
+    """Name and windows of each stage: in ever longer parts, or with ever drier friction."""
+    shortest = min(station.period for station in stations)
+    for factor in continuation:
+        name = f"friction {factor:g} times as wide"
+        yield name, widened(in_parts(stations, PARTS[-1]), factor)
+    for many in PARTS[:-1] if not continuation else ():
+        if shortest >= SHORTEST_PART * many:
+            yield f"windows in {many} parts", in_parts(stations, many)
+    yield f"windows in {PARTS[-1]} parts", in_parts(stations, PARTS[-1])
+
+
+SAME = 1e-3
+"""Distance of two points in every coordinate up to which they are one."""
+
+
+def ends(lanes: Sequence[Lane]) -> tuple[Float[np.ndarray, "starts k"], dict[int, Lane]]:
+    """Where lanes are, and those that failed, by number."""
+    return np.stack([lane.u for lane in lanes]), {i: e for i, e in enumerate(lanes) if e.code == FAILED}
+
+
+def descend_distinct(
+    objective: Objective,
+    points: Float[np.ndarray, "starts k"],
+    failed: dict[int, Lane],
+    limits: Limits,
+    tell: Callable[[Course], None],
+) -> list[Lane]:
+    """Descend from points that differ; those at one place share the outcome, failed ones stay as they are."""
+    groups: list[list[int]] = []
+    for i, point in enumerate(points):
+        if i in failed:
+            continue
+        twin = next((g for g in groups if np.allclose(points[g[0]], point, rtol=0, atol=SAME)), None)
+        groups.append([i]) if twin is None else twin.append(i)
+    found = descend(objective.at, np.stack([points[g[0]] for g in groups]), limits, tell=tell)
+    lanes = dict(failed)
+    for group, end in zip(groups, found, strict=True):
+        lanes |= dict.fromkeys(group, end)
+    return [lanes[i] for i in range(len(points))]
+
+
+def winner_of(lanes: Sequence[Lane]) -> Lane:
+    """The best lane.
+
+    Raises:
+        InputError: all failed; the reasons are counted.
+    """
+    winner = best(lanes)
+    if winner is not None:
+        return winner
+    reasons = [lane.reason for lane in lanes]
+    counted = "; ".join(f"{reasons.count(r)} × {r}" for r in dict.fromkeys(reasons))
+    many = f"all {len(lanes)} starts failed" if len(lanes) > 1 else "the only start failed"
+    raise InputError(
+        f"{many}: {counted}. Check the values and units on the card, narrow the priors, or set bounds"
+    )
+
+
+INSIDE = 1e-3
+"""Distance from a bound at which a start lies at least, in units of the scale."""
+
+
+def spread_starts(unknowns: Unknowns, count: int, seed: int) -> Float[np.ndarray, "starts k"]:
+    """The unknowns' own start, then a Latin hypercube of `count` - 1 (McKay et al. 1979, as in SciPy).
+
+    Each coordinate is spread normally about its prior's mean with its standard deviation, or about its
+    start with its scale where there is no prior; of positive parameters the logarithm. What falls beyond a
+    bound is set beside it.
+    """
+    own = unknowns.coordinates(unknowns.start)
+    if count == 1:
+        return own[None]
+    middles = np.array([e.prior.mean if e.prior else e.start for e in unknowns.entries])
+    means = unknowns.coordinates(middles)
+    # A generator, of which every version of SciPy makes the same; the argument is `rng` too from 1.15 on.
+    generator = np.random.default_rng(seed)
+    hypercube = qmc.LatinHypercube(len(unknowns), seed=generator)  # pyright: ignore[reportCallIssue]
+    uniform = hypercube.random(count - 1)
+    # Of what may be zero or negative a coordinate is one scale already.
+    sizes = np.where(unknowns.logarithmic, unknowns.scale / np.where(middles == 0, 1.0, middles), 1.0)
+    drawn = means + sizes * ndtri(uniform)
+    return np.vstack([own, _within(unknowns, drawn)])
+
+
+def given_starts(
+    unknowns: Unknowns, starts: Sequence[Mapping[str, float]], where: str = "starts"
+) -> Float[np.ndarray, "starts k"]:
+    """Starts that the user gives: name → value (SI), the unknowns' own start for what is not named.
+
+    A parameter that each recording has of its own is named as in the result, ``mass[lift-2]``, or without
+    the recording for all of them.
+
+    Raises:
+        InputError: an unknown name, or a value beyond its bounds.
+    """
+    if not starts:
+        raise InputError(f"{where}: expected a number of starts or at least one mapping of values; got none")
+    points = []
+    for number, given in enumerate(starts):
+        here = f"{where}[{number}]"
+        if not isinstance(given, Mapping):
+            raise InputError(f"{here}: expected a mapping of names to values; got {given!r}")
+        values = unknowns.start.copy()
+        for name, value in given.items():
+            if not isinstance(value, Real):
+                raise InputError(f"{here}: expected a number (SI) for {name!r}; got {value!r}")
+            values[_positions(unknowns, name, here)] = float(value)
+        for entry, value in zip(unknowns.entries, values.tolist(), strict=True):
+            if not entry.lower <= value <= entry.upper or (entry.place.positive and value <= 0):
+                raise InputError(
+                    f"{here}: {entry.name} = {value:g} is not within its bounds, "
+                    f"{entry.lower:g} to {entry.upper:g} {entry.place.unit}".rstrip()
+                )
+        points.append(unknowns.coordinates(values))
+    return np.stack(points)
+
+
+def _positions(unknowns: Unknowns, name: str, where: str) -> list[int]:
+    """Where a name stands in the vector: its own name, or that of a place in every recording."""
+
+    def names(entry: Unknown) -> tuple[str, ...]:
+        place = entry.place
+        return entry.name, place.name, place.path, place.path.removeprefix(EFFECTS)
+
+    known = [names(entry) for entry in unknowns.entries]
+    found = [i for i, own in enumerate(known) if name in own]
+    if not found:
+        raise InputError(f"{where}: {name!r} is not free{nearest(name, sum(known, ()))}")
+    return found
+
+
+def _within(unknowns: Unknowns, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    room = np.minimum(INSIDE, 0.5 * (unknowns.upper - unknowns.lower))
+    return np.clip(points, unknowns.lower + room, unknowns.upper - room)
+
+
+MOST_LANES = 32
+"""Starts under way at a time: the others wait, so that some have ended when the time is up."""
+WIDTH = 4
+"""Starts in one program: with more, what a step touches no longer fits into a core's cache."""
+MOST_NUMBERS = 4e7
+"""Derivatives in one program at most, which bounds its starts."""
+FIRST_SHARE = 0.4
+"""Part of the budget after which the search on quarters has to end."""
+ROUNDS = 2
+"""Times that the noise is estimated anew."""
+
+Tell = Callable[[str, Course], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """What to search: an objective, starts, limits.
+
+    Attributes:
+        estimate: take the noise from the residuals.
+        continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
+        solver: in place of our own, see `lane.Limits`.
+        near: whether the starts are near a minimum, and come down on whole windows at once.
+    """
+
+    objective: Objective
+    points: Float[np.ndarray, "starts k"]
+    steps: int
+    deadline: float
+    estimate: bool
+    tell: Tell
+    continuation: tuple[float, ...] = ()
+    solver: Callable[[Lane, Local, Limits], None] | None = None
+    near: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Where a search ended: the objective with its final weights, the best lane, all lanes, iterations."""
+
+    objective: Objective
+    best: Lane
+    lanes: tuple[Lane, ...]
+    points: Float[np.ndarray, "starts k"]
+    limits: Limits
+    iterations: int
+
+
+def search(task: Search) -> Found:
+    """Bring all starts down.
+
+    Raises:
+        InputError: all starts failed; the reasons are counted.
+    """
+    objective, counted = side_by_side(task.objective, len(task.points)), _Counter(task.tell)
+    limits = _limits(task)
+    begun = weighted(objective, objective.unknowns.coordinates(objective.unknowns.start))
+    now = time.monotonic()
+    first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
+    lanes: list[Lane] = []
+    for stage, stations in _stages(task, begun):
+        points, failed = ends(lanes) if lanes else (task.points, {})
+        if lanes and (winner_of(lanes).code == BUDGET or time.monotonic() > first.deadline):
+            break
+        parts = dataclasses.replace(objective, stations=stations)
+        lanes = descend_distinct(parts, points, failed, first, counted.on(stage))
+    objective = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
+    points, failed = ends(lanes)
+    lanes = descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
+    winner = winner_of(lanes)
+    sharper = _sharper(objective, winner, task)
+    if sharper is not objective:
+        objective, (points, failed) = sharper, ends(lanes)
+        lanes = descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
+        winner = winner_of(lanes)
+    for _ in range(ROUNDS if task.estimate else 0):
+        objective = with_estimated_noise(objective, winner.u)
+        points, failed = ends(lanes)
+        if time.monotonic() > task.deadline:
+            winner.code = BUDGET
+            break
+        lanes = descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
+        winner = winner_of(lanes)
+    return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _stages(task: Search, begun: Objective) -> Iterable[tuple[str, Sequence[Station]]]:
+    if task.near:
+        return [("whole windows, first weights", begun.stations)]
+    return stages(begun.stations, task.continuation)
+
+
+def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:
+    """The objective with the solver's error taken off, if there is time left."""
+    if winner.local is None or time.monotonic() >= task.deadline:
+        return objective
+    return refined(objective, winner.u, winner.local.matrix)
+
+
+class _Counter:
+    """Counts iterations over all stages."""
+
+    def __init__(self, tell: Tell) -> None:
+        self.tell, self.total = tell, 0
+
+    def on(self, stage: str) -> Callable[[Course], None]:
+        def count(course: Course) -> None:
+            self.total += 1
+            self.tell(stage, course)
+
+        return count
+
+
+def side_by_side(objective: Objective, points: int) -> Objective:
+    """The objective with as many points in one program as are best."""
+    numbers = max(s.samples for s in objective.stations) * len(objective.unknowns)
+    width = int(np.clip(MOST_NUMBERS / max(numbers, 1), 1, min(points, WIDTH)))
+    return dataclasses.replace(objective, width=width)
+
+
+def _limits(task: Search) -> Limits:
+    objective = task.objective
+    lanes = min(len(task.points), MOST_LANES)
+    lower, upper = objective.unknowns.lower, objective.unknowns.upper
+    reach = objective.unknowns.reach
+    return Limits(
+        lower, upper, task.steps, lanes, task.deadline, objective.samples, reach, solver=task.solver
+    )

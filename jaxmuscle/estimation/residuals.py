@@ -1,0 +1,245 @@
+"""Predictions and residuals of each submodel, window and sample, and their Jacobian for many parameter
+vectors at once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.actuators.variables import Link
+from jaxmuscle.estimation.jacobian import Leaves, Traced, slopes_of
+from jaxmuscle.estimation.windows import Problem, Residuals
+from jaxmuscle.parameter_names import OFFSET, START, of_machine
+from jaxmuscle.parameters import replace, split_index
+from jaxmuscle.simulation import Start, observe, predict, start_at_rest, with_states
+
+
+def link_predictions(
+    actuator: AbstractActuator, problem: Problem, substeps: int | Array | None = None
+) -> Residuals:
+    """Every output predicted by its own link, the inputs of the link as measured.
+
+    Args:
+        substeps: solver steps between two samples; the problem's when `None`.
+    """
+    hidden = hidden_states(actuator, problem, substeps)
+    return {
+        link.output: link_prediction(actuator, problem, link, hidden, substeps) for link in actuator.links
+    }
+
+
+def link_prediction(
+    actuator: AbstractActuator,
+    problem: Problem,
+    link: Link,
+    hidden: Start,
+    substeps: int | Array | None = None,
+) -> Array:
+    """The output of one link, its inputs as measured and the states that are not from `hidden`."""
+    steps: Any = problem.substeps if substeps is None else substeps
+    return predict(
+        actuator,
+        _begun(problem).track,
+        problem.rows,
+        samples=problem.samples,
+        imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
+        substeps=steps,
+        hidden=hidden,
+        period=problem.period,
+    )[link.output]
+
+
+def hidden_states(actuator: AbstractActuator, problem: Problem, substeps: int | Array | None = None) -> Start:
+    """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
+    steps: Any = problem.substeps if substeps is None else substeps
+    track = _begun(problem).track
+    own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
+    start = with_states(start_at_rest(actuator, track), own)
+    return observe(actuator, track, problem.total, steps, start)
+
+
+def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Every output predicted from the command alone, window by window."""
+    hidden, problem = hidden_states(actuator, problem), _begun(problem)
+    return predict(
+        actuator,
+        problem.track,
+        problem.rows,
+        samples=problem.samples,
+        imposed=actuator.imposed,
+        substeps=problem.substeps,
+        hidden=hidden,
+    )
+
+
+def _begun(problem: Problem) -> Problem:
+    """With the measured states of the first sample as `begin` says."""
+    measured = dict(problem.track.measured)
+    for path, value in problem.begin.items():
+        name, index = split_index(path)
+        if name in measured:
+            measured[name] = measured[name].at[(0, *(index or ()))].set(value)
+    return eqx.tree_at(lambda p: p.track.measured, problem, measured)
+
+
+BROKEN = 1e4
+"""Residual that stands for a prediction that is not a number: large, but no end to the fit."""
+
+
+def residuals(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Weighted residuals (predicted - measured) of all links."""
+    predicted = link_predictions(actuator, problem)
+    return {out: weighted(predicted[out], problem, out) for out in predicted}
+
+
+def weighted(predicted: Array, problem: Problem, output: str) -> Array:
+    """Weighted residual of one output; what is not a number counts as :data:`BROKEN`."""
+    residual = (predicted - problem.targets[output]) * problem.weights[output]
+    return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
+
+
+evaluate = eqx.filter_jit(residuals)
+"""Weighted residuals, compiled once for each structure of a model."""
+
+
+def moved(
+    actuator: AbstractActuator, problem: Problem, paths: Sequence[str], values: Sequence[Array]
+) -> tuple[AbstractActuator, Problem]:
+    """The machine and the problem with the given values (SI) at the paths.
+
+    The offset of a sensor is taken off what it measured, which is both the target and the measured state
+    from which windows begin or which is imposed. A state at the first sample takes the place of what was
+    measured there, or of rest.
+    """
+    given = dict(zip(paths, values, strict=True))
+    machine = replace(actuator, {path: v for path, v in given.items() if of_machine(path)})
+    offsets = {path.removeprefix(OFFSET): v for path, v in given.items() if path.startswith(OFFSET)}
+    begin = {path.removeprefix(START): v for path, v in given.items() if path.startswith(START)}
+    if begin:
+        problem = dataclasses.replace(problem, begin={**problem.begin, **begin})
+    if not offsets:
+        return machine, problem
+    measured, targets = dict(problem.track.measured), dict(problem.targets)
+    for state, columns in actuator.measured.items():
+        measured[state] = measured[state] - _stacked(columns, offsets)
+    for output, columns in actuator.outputs.items():
+        targets[output] = targets[output] - _stacked(columns, offsets)
+    return machine, eqx.tree_at(lambda p: (p.track.measured, p.targets), problem, (measured, targets))
+
+
+def residual_vector(
+    theta: Float[Array, " values"],
+    actuator: AbstractActuator,
+    problem: Problem,
+    paths: Sequence[str],
+    substeps: int | Array | None = None,
+) -> Float[Array, " residuals"]:
+    """Weighted residuals of all links, one after the other; what is not a number is left as it is.
+
+    Args:
+        substeps: solver steps between two samples; the problem's when `None`.
+    """
+    machine, shifted = moved(actuator, problem, paths, list(theta))
+    hidden = hidden_states(machine, shifted, substeps)
+    return jnp.concatenate([_weighted(machine, shifted, link, hidden, substeps) for link in actuator.links])
+
+
+def _weighted(
+    machine: AbstractActuator,
+    problem: Problem,
+    link: Link,
+    hidden: Start,
+    substeps: int | Array | None = None,
+) -> Float[Array, " residuals"]:
+    weight = problem.weights[link.output]
+    predicted = link_prediction(machine, problem, link, hidden, substeps)
+    return jnp.where(weight > 0, (predicted - problem.targets[link.output]) * weight, 0.0).ravel()
+
+
+@eqx.filter_jit
+def values_and_slopes(
+    thetas: Float[Array, "lanes values"], actuator: AbstractActuator, problem: Problem, paths: tuple[str, ...]
+) -> tuple[Float[Array, "lanes residuals"], Float[Array, "lanes values residuals"]]:
+    """Residuals at each set of values (SI) and their derivatives by every value.
+
+    The hidden states and each link are simulated once, with a tangent for every value that can act there;
+    all sets go through the same simulations, compiled once for a structure of the machine and a shape of the
+    problem.
+    """
+
+    def at(values: Leaves) -> tuple[AbstractActuator, Problem]:
+        return moved(actuator, problem, paths, values)
+
+    trees: list[Any] = []
+
+    def observed(values: Leaves, _: Leaves) -> Leaves:
+        leaves, tree = jax.tree.flatten(hidden_states(*at(values)))
+        trees.append(tree)
+        return leaves
+
+    def predicted(link: Link, values: Leaves, leaves: Leaves) -> Leaves:
+        return [_weighted(*at(values), link, jax.tree.unflatten(trees[0], leaves))]
+
+    observer = Traced(observed, thetas[0], [])
+    links = [Traced(partial(predicted, link), thetas[0], observer.shapes) for link in actuator.links]
+
+    def lane(theta: Array) -> tuple[Array, Array]:
+        hidden = slopes_of(observer, theta, [], [], [])
+        parts = [slopes_of(link, theta, *hidden) for link in links]
+        blocks = [_block(slopes[0], reached[0], values[0]) for values, slopes, reached in parts]
+        return jnp.concatenate([values[0] for values, *_ in parts]), jnp.concatenate(blocks, axis=1)
+
+    if len(thetas) == 1:  # one level of batching less is traced and compiled in two thirds of the time
+        return tuple(part[None] for part in lane(thetas[0]))  # pyright: ignore[reportReturnType]
+    return jax.vmap(lane)(thetas)
+
+
+@eqx.filter_jit
+def values_and_chosen_slopes(
+    theta: Float[Array, " values"],
+    chosen: Int[Array, " width"],
+    actuator: AbstractActuator,
+    problem: Problem,
+    paths: tuple[str, ...],
+) -> tuple[Float[Array, " residuals"], Float[Array, "width residuals"]]:
+    """Residuals at one set of values (SI) and their derivatives by some of the values.
+
+    Which values is data, not structure: one compilation serves every choice among the paths of a machine.
+    :func:`values_and_slopes`, compiled for one choice, leaves out tangents that cannot act and is the faster
+    one to run.
+
+    Args:
+        chosen: positions of the values along which derivatives are taken; one behind the last value asks
+            for none and gives zeros.
+    """
+
+    def residuals(values: Array) -> Array:
+        return residual_vector(values, actuator, problem, paths)
+
+    def pushed(direction: Array) -> tuple[Array, Array]:
+        return jax.jvp(residuals, (theta,), (direction,))
+
+    directions = jax.nn.one_hot(chosen, len(paths), dtype=theta.dtype)
+    return jax.vmap(pushed, out_axes=(None, 0))(directions)
+
+
+def _block(slopes: Array | None, reached: NDArray[np.bool_], values: Array) -> Array:
+    """Derivatives of one link by every value, zero by those that do not act on it."""
+    block = jnp.zeros((len(reached), *values.shape))
+    return block if slopes is None else block.at[np.flatnonzero(reached)].set(slopes)
+
+
+def _stacked(columns: Sequence[str], offsets: dict[str, Array]) -> Array:
+    values = [offsets.get(column, jnp.zeros(())) for column in columns]
+    return values[0] if len(values) == 1 else jnp.stack(values, axis=-1)

@@ -1,0 +1,261 @@
+"""Windows of a recording: segments predicted in one go, with targets and weights."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import ArrayLike, NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.free_parameters import Prior
+from jaxmuscle.parameter_names import effect_path
+from jaxmuscle.recordings.card import actuator_from_card
+from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.simulation import Track
+from jaxmuscle.simulation.track import Observed, observed
+
+LONGEST_BATCH = 64
+"""Windows into which a machine whose inputs are all imposed is cut: no error, only faster."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Windows:
+    """Windows of equal length; the last one of a stretch may be cut short by its mask.
+
+    Attributes:
+        rows: first row of each window.
+        samples: their length.
+        mask: whether a sample of a window belongs to its stretch.
+        held_out: whether a window lies in a stretch that no fit and no selection may see.
+    """
+
+    rows: Int[np.ndarray, " windows"]
+    samples: int
+    mask: Bool[np.ndarray, "windows samples"]
+    held_out: Bool[np.ndarray, " windows"]
+
+    def __len__(self) -> int:
+        """Number of windows."""
+        return len(self.rows)
+
+    def sample_rows(self, total: int) -> Int[np.ndarray, "windows samples"]:
+        """Row that each sample of each window is, of a recording of `total` rows."""
+        return sample_rows(self.rows, self.samples, total)
+
+    def ignoring(self, rows: Bool[np.ndarray, " all"]) -> Windows:
+        """The same windows without the given rows of the recording."""
+        return dataclasses.replace(self, mask=self.mask & ~np.asarray(rows)[self.sample_rows(len(rows))])
+
+
+def sample_rows(
+    first: Int[np.ndarray, " windows"], samples: int, total: int
+) -> Int[np.ndarray, "windows samples"]:
+    """Row of a recording of `total` rows that each sample of windows is; behind the end, the last row."""
+    return np.minimum(first[:, None] + np.arange(samples), total - 1)
+
+
+def cut(
+    actuator: AbstractActuator, stretches: Sequence[tuple[int, int, bool]], step: float, horizon: float | None
+) -> Windows:
+    """Cut stretches (first row, end, held out) into windows of `horizon` seconds.
+
+    Without a horizon each stretch is one window, unless the bench imposes every state of the rig: then
+    nothing is started anew at a window's edge and the length is free.
+    """
+    longest = max(stop - start for start, stop, _ in stretches)
+    if set(actuator.imposed) >= {*actuator.measured, *actuator.derivatives}:
+        total = sum(stop - start for start, stop, _ in stretches)
+        samples = min(longest, max(50, -(-total // LONGEST_BATCH)))
+    elif horizon is None:
+        samples = longest
+    else:
+        samples = min(longest, max(2, round(horizon / step)))
+    rows, masks, held = [], [], []
+    for start, stop, out in stretches:
+        for row in range(start, stop, samples):
+            rows.append(row)
+            masks.append(np.arange(samples) < stop - row)
+            held.append(out)
+    return Windows(np.array(rows), samples, np.array(masks), np.array(held))
+
+
+Residuals = dict[str, Float[Array, "windows samples *muscles"]]
+
+
+class Problem(eqx.Module):
+    """A recording cut into windows, with a weight for every predicted number.
+
+    Attributes:
+        targets: output → measured values, window by window.
+        weights: output → one over the standard deviation to be expected of the residual, zero where masked.
+        period: samples after which a link is started anew from what was measured; a window, or part of one.
+        begin: states at the first sample of the recording that are neither as measured nor at rest: name of
+            a state, or of the effect whose state it is (an entry of an array by its index), → value.
+    """
+
+    track: Track
+    rows: Int[Array, " windows"]
+    targets: Residuals
+    weights: Residuals
+    period: Int[Array, ""]
+    samples: int = eqx.field(static=True)
+    total: int = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+    begin: dict[str, Array] = eqx.field(default_factory=dict)
+
+    @property
+    def sample_rows(self) -> Int[np.ndarray, "windows samples"]:
+        """Row of the recording that each sample of each window is."""
+        return sample_rows(np.asarray(self.rows), self.samples, self.track.command.shape[0])
+
+    def with_weights(self, weights: Residuals) -> Problem:
+        """A copy with other weights."""
+        return eqx.tree_at(lambda p: p.weights, self, weights)
+
+    def allowing(self, variance: Mapping[str, ArrayLike]) -> Problem:
+        """A copy with weights that allow for a variance of each number beside the one that they stand for.
+
+        Args:
+            variance: output → variance, of the shape of its weights.
+        """
+        weights = {}
+        for out, w in self.weights.items():
+            own = np.asarray(w)
+            counts = own > 0
+            with np.errstate(divide="ignore", over="ignore"):
+                known = 1 / np.where(counts, own, 1.0) ** 2 + np.asarray(variance[out])
+                weights[out] = jnp.asarray(np.where(counts, 1 / np.sqrt(known), 0.0))
+        return self.with_weights(weights)
+
+    def in_parts(self, parts: int) -> Problem:
+        """A copy in which every window is predicted in `parts`, each from the measured state.
+
+        Errors have less time to grow, and the more so the nearer a motion is to sticking: the cost of a
+        fit is a far smoother function of the parameters.
+        """
+        return eqx.tree_at(lambda p: p.period, self, jnp.asarray(-(-self.samples // parts)))
+
+    def only(self, samples: np.ndarray) -> Problem:
+        """A copy in which only the given samples count: boolean, one row a window."""
+        return self.with_weights({o: w * _along(samples, w) for o, w in self.weights.items()})
+
+
+def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
+    """Cut `observed` into `windows`, weighted by the sensors' noise."""
+    index = windows.sample_rows(observed.samples)
+    targets = {out: np.asarray(values)[index] for out, values in observed.outputs.items()}
+    # By NumPy, here and wherever a recording is made ready: JAX would compile every operation by itself.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = {
+            out: windows.mask.reshape(windows.mask.shape + (1,) * (target.ndim - 2))
+            / np.broadcast_to(np.asarray(observed.noise[out]), target.shape)
+            for out, target in targets.items()
+        }
+    return Problem(
+        observed.track,
+        jnp.asarray(windows.rows),
+        {out: jnp.asarray(values) for out, values in targets.items()},
+        {out: jnp.asarray(values) for out, values in weights.items()},
+        jnp.asarray(windows.samples),
+        windows.samples,
+        observed.samples,
+        substeps,
+    )
+
+
+def _along(samples: np.ndarray, weights: Array) -> Array:
+    return jnp.asarray(samples, dtype=float).reshape(samples.shape + (1,) * (weights.ndim - 2))
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """What a fit or a diagnosis works on.
+
+    Attributes:
+        actuator: the machine, as the card declares it unless another was given.
+        priors: path of every parameter that the card calls uncertain → what it says of it.
+        windows: all windows, held out or not; `problem` holds them all with the sensors' weights.
+    """
+
+    recording: Recording
+    actuator: AbstractActuator
+    priors: dict[str, Prior]
+    observed: Observed
+    windows: Windows
+    problem: Problem
+
+    @property
+    def training(self) -> Problem:
+        """Only the windows that are not held out."""
+        keep = ~self.windows.held_out
+        kept = lambda values: jnp.asarray(np.asarray(values)[keep])  # noqa: E731
+        select = lambda arrays: {out: kept(values) for out, values in arrays.items()}  # noqa: E731
+        whole = self.problem
+        last = int(self.windows.rows[keep].max()) + self.windows.samples
+        return eqx.tree_at(
+            lambda p: (p.rows, p.targets, p.weights),
+            dataclasses.replace(whole, total=min(last, whole.total)),
+            (kept(whole.rows), select(whole.targets), select(whole.weights)),
+        )
+
+
+def case(
+    recording: Recording,
+    held_out: float | NDArray[np.bool_],
+    ignored: NDArray[np.bool_] | None = None,
+    actuator: AbstractActuator | None = None,
+    twice: bool = False,
+) -> Case:
+    """Prepare `recording`.
+
+    Args:
+        held_out: fraction of the recording, at its end, that no fit may see; or a mask over its rows.
+        ignored: rows whose readings count for nothing: a saturated sensor, a slack muscle.
+        actuator: the machine; as the card declares it when `None`.
+        twice: smooth measured states twice: they keep their peaks, and what is fitted to them is not biased.
+            The rules by which a diagnosis judges were made with states smoothed once.
+    """
+    card = recording.card
+    actuator = actuator_from_card(card) if actuator is None else actuator
+    mask = _mask(held_out, len(recording))
+    stretches = _stretches(mask, recording.breaks)
+    cuts = tuple((np.flatnonzero(np.diff(mask)) + 1).tolist())
+    prepared = observed(actuator, recording, card.noise, cuts, twice)
+    windows = cut(actuator, stretches, recording.step, card.horizon)
+    if ignored is not None:
+        windows = windows.ignoring(ignored)
+    substeps = max(1, math.ceil(recording.step / actuator.largest_step - 1e-9))
+    return Case(
+        recording,
+        actuator,
+        _priors(recording, actuator),
+        prepared,
+        windows,
+        problem(prepared, windows, substeps),
+    )
+
+
+def _mask(held_out: float | NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+    if np.isscalar(held_out):
+        return np.arange(rows) >= round((1 - float(held_out)) * rows)  # pyright: ignore[reportArgumentType]
+    return np.asarray(held_out, dtype=bool)
+
+
+def _stretches(mask: NDArray[np.bool_], breaks: tuple[int, ...]) -> list[tuple[int, int, bool]]:
+    """Runs of equal values between breaks, as (first row, end, value)."""
+    edges = sorted({0, *breaks, *(np.flatnonzero(np.diff(mask)) + 1).tolist(), len(mask)})
+    return [(a, b, bool(mask[a])) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def _priors(recording: Recording, actuator: AbstractActuator) -> dict[str, Prior]:
+    card = recording.card
+    entries = {actuator.quantities[name]: quantity for name, quantity in card.uncertain.items()}
+    for effect, parameters in card.effects.items():
+        entries |= {effect_path(effect, name): quantity for name, quantity in parameters.items()}
+    return {path: Prior(q.value, q.std) for path, q in entries.items() if q.std is not None}

@@ -1,1 +1,0 @@
-"""Fitting parameters through the simulation by least squares."""

@@ -1,0 +1,1 @@
+"""Minimisation of least-squares objectives; knows nothing of actuators and recordings."""

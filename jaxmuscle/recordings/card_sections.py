@@ -1,0 +1,185 @@
+"""Validation of a card's sections against what its rig asks for, all faults told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects import BY_NAME
+from jaxmuscle.errors import InputError, Problems, nearest
+from jaxmuscle.recordings import schema
+from jaxmuscle.recordings.schema import (
+    AMBIENT,
+    ColumnSpec,
+    Need,
+    Quantity,
+    Rig,
+    example,
+    read_column,
+    read_deviation,
+    read_quantity,
+)
+from jaxmuscle.units import STANDARD_ATMOSPHERE, out_of_range
+
+HEADS = ("rig", "description")
+SECTIONS = ("columns", "known", "uncertain", "effects", "noise", "fit")
+SUPPLY = "supply_pressure"
+"""The quantity above which no pressure of a machine can rise for long."""
+
+
+def read_sections(mapping: Mapping[str, Any], file: str) -> dict[str, Any]:
+    """The fields of a card from the mapping that `tomllib` gives.
+
+    Raises:
+        InputError: with one line for each fault found.
+    """
+    name = _rig(mapping, file)
+    rig, problems = RIGS[name], Problems(file)
+    _unknown(mapping, (*HEADS, *SECTIONS), "top level", problems)
+    description = mapping.get("description", "")
+    if not isinstance(description, str):
+        problems.add("description", f"expected a text; got {description!r}")
+    sections = {section: _section(mapping, section, problems) for section in SECTIONS}
+    known, uncertain = _quantities(sections["known"], sections["uncertain"], rig, problems)
+    fields = {
+        "rig": name,
+        "description": description,
+        "columns": _columns(sections["columns"], rig, problems),
+        "known": known,
+        "uncertain": uncertain,
+        "effects": _effects(sections["effects"], rig, problems),
+        "noise": _noise(sections["noise"], rig, problems),
+        "horizon": _horizon(sections["fit"], problems),
+    }
+    problems.check()
+    return fields
+
+
+def _rig(mapping: Mapping[str, Any], file: str) -> str:
+    name = mapping.get("rig")
+    if not isinstance(name, str):
+        got = "none is given" if name is None else f"got {name!r}"
+        raise InputError(f"{file}: expected rig = one of {', '.join(RIGS)} before the first section; {got}")
+    if name not in RIGS:
+        raise InputError(f"{file}: unknown rig {name!r}{nearest(name, RIGS)}")
+    return name
+
+
+def _section(mapping: Mapping[str, Any], name: str, problems: Problems) -> Mapping[str, Any]:
+    section = mapping.get(name, {})
+    if isinstance(section, Mapping):
+        return section
+    problems.add(name, f"expected a section [{name}]; got {section!r}")
+    return {}
+
+
+def _unknown(given: Iterable[str], known: Iterable[str], where: str, problems: Problems) -> None:
+    known = tuple(known)
+    for name in given:
+        if name not in known:
+            problems.add(where, f"unknown {name!r}{nearest(name, known)}")
+
+
+def _missing(needs: Iterable[tuple[str, Need]], first: str, where: str, problems: Problems) -> None:
+    lines = [f"\n      {name} = {example(need, first)}  # {need.meaning}" for name, need in needs]
+    if lines:
+        problems.add(where, f"{len(lines)} missing; add{''.join(lines)}")
+
+
+def _columns(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, ColumnSpec]:
+    needs = schema.columns(rig)
+    _unknown(section, needs, "[columns]", problems)
+    absent = [(name, need) for name, need in needs.items() if name not in section]
+    _missing(absent, 'column = "…"', "[columns]", problems)
+    found: dict[str, ColumnSpec] = {}
+    for name in (name for name in section if name in needs):
+        with problems.at(f"[columns] {name}"):
+            spec = read_column(section[name], needs[name])
+            twin = next((other for other, taken in found.items() if taken.column == spec.column), None)
+            if twin is not None:
+                raise InputError(f"column {spec.column!r} is already the column of {twin}")
+            found[name] = spec
+    return found
+
+
+def _quantities(
+    known: Mapping[str, Any], uncertain: Mapping[str, Any], rig: Rig, problems: Problems
+) -> tuple[dict[str, Quantity], dict[str, Quantity]]:
+    """(known, uncertain) quantities; those with a standard deviation are uncertain wherever they stand."""
+    needs = schema.quantities(rig)
+    given = {"known": known, "uncertain": uncertain}
+    for section, entries in given.items():
+        _unknown(entries, needs, f"[{section}]", problems)
+    absent = [(n, need) for n, need in needs.items() if need.required and n not in {**known, **uncertain}]
+    _missing(absent, "value = …", "[known]", problems)
+    for name in (name for name in known if name in uncertain):
+        problems.add(f"[known] {name}", "also given in [uncertain]; remove one of the two")
+    entries = [(s, name, entry) for s in given for name, entry in given[s].items() if name in needs]
+    # Gauge pressures need the ambient pressure.
+    entries.sort(key=lambda entry: entry[1] != AMBIENT)
+    found: dict[str, Quantity] = {}
+    for section, name, entry in entries:
+        with problems.at(f"[{section}] {name}"):
+            ambient = found[AMBIENT].value if AMBIENT in found else STANDARD_ATMOSPHERE
+            found[name] = read_quantity(entry, needs[name], ambient)
+            if section == "uncertain" and found[name].std is None:
+                raise InputError("expected a standard deviation, std = …; add it or move the line to [known]")
+            if name == SUPPLY and found[name].value <= ambient:
+                raise InputError('is not above the ambient pressure; is it reference = "gauge"?')
+            shift = ambient if found[name].reference == "gauge" else 0.0
+            wrong = out_of_range(name, found[name].value, found[name].unit, needs[name].unit, shift)
+            if wrong is not None:
+                found.pop(name)
+                raise InputError(wrong)
+    with_std = {name: quantity for name, quantity in found.items() if quantity.std is not None}
+    return {name: q for name, q in found.items() if name not in with_std}, with_std
+
+
+def _effects(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, dict[str, Quantity]]:
+    found: dict[str, dict[str, Quantity]] = {}
+    for name, entries in section.items():
+        where = f"[effects.{name}]"
+        if name not in BY_NAME:
+            own = "Is it your own? Then jaxmuscle.effects.register it"
+            problems.add(where, f"unknown effect{nearest(name, BY_NAME)}. {own}")
+        elif not isinstance(entries, Mapping):
+            problems.add(where, f"expected a section with the effect's parameters; got {entries!r}")
+        elif not rig.offers(BY_NAME[name]):
+            lacking = ", ".join(sorted(BY_NAME[name].reads - rig.available))
+            problems.add(where, f"rig {rig.rig!r} cannot have this effect: it has no signal {lacking}")
+        else:
+            found[name] = _effect(entries, schema.effect_parameters(BY_NAME[name], rig), where, problems)
+    return found
+
+
+def _effect(
+    entries: Mapping[str, Any], needs: Mapping[str, Need], where: str, problems: Problems
+) -> dict[str, Quantity]:
+    _unknown(entries, needs, where, problems)
+    absent = [(name, need) for name, need in needs.items() if need.required and name not in entries]
+    _missing(absent, "value = …", where, problems)
+    found: dict[str, Quantity] = {}
+    for name in (name for name in entries if name in needs):
+        with problems.at(f"{where} {name}"):
+            found[name] = read_quantity(entries[name], needs[name], 0.0)
+    return found
+
+
+def _noise(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, float]:
+    needs = {name: need for name, need in schema.columns(rig).items() if name not in ("time", *rig.commands)}
+    _unknown(section, needs, "[noise]", problems)
+    found: dict[str, float] = {}
+    for name in (name for name in section if name in needs):
+        with problems.at(f"[noise] {name}"):
+            found[name] = read_deviation(section[name], needs[name])
+    return found
+
+
+def _horizon(section: Mapping[str, Any], problems: Problems) -> float | None:
+    _unknown(section, ("horizon",), "[fit]", problems)
+    if "horizon" in section:
+        with problems.at("[fit] horizon"):
+            need = Need("s", "length of the windows of prediction", positive=True)
+            return read_quantity(section["horizon"], need, 0.0, keys=("value", "unit")).value
+    return None

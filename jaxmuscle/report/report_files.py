@@ -1,0 +1,187 @@
+"""Files that `jaxmuscle diagnose` and `jaxmuscle fit` leave behind: all of them, or none; SI throughout."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jaxmuscle
+from jaxmuscle.diagnosis.result import Diagnosis, Error, Estimate, FoundEffect
+from jaxmuscle.errors import InputError
+from jaxmuscle.estimation import FitResult
+from jaxmuscle.estimation.fit_files import as_json
+from jaxmuscle.files import atomic_write
+from jaxmuscle.parameter_names import effect_path, split_effect
+from jaxmuscle.parameters import parameters
+from jaxmuscle.recordings.card import Card, can_declare
+from jaxmuscle.recordings.card import Estimate as CardEstimate
+from jaxmuscle.report.page import page
+
+
+def result(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The outcome as plain data for JSON; a number that is not finite becomes `None`."""
+    recording = diagnosis.recording
+    return _finite(
+        {
+            "verdict": diagnosis.verdict,
+            "effects": [_effect(effect) for effect in diagnosis.effects],
+            "alternatives": [
+                {"name": other.name, "held_out_gain": other.gain, "told_apart": other.told_apart}
+                for other in diagnosis.alternatives
+            ],
+            "before": _errors(diagnosis.before),
+            "after": _errors(diagnosis.after),
+            "noise": dict(diagnosis.noise),
+            "horizon": diagnosis.horizon,
+            "held_out_fraction": diagnosis.held_out_fraction,
+            "unexplained": [
+                {"signal": left.signal, "share": left.share, "depends_on": list(left.depends_on)}
+                for left in diagnosis.unexplained
+            ],
+            "parameters": _estimates(diagnosis.parameters),
+            "recording": {
+                "file": recording.name if recording.file is None else recording.file.name,
+                "sha256": recording.sha256,
+                "rig": recording.card.rig,
+                "rows": len(recording),
+            },
+            "jaxmuscle": jaxmuscle.__version__,
+            "seconds": diagnosis.seconds,
+        }
+    )
+
+
+def _effect(effect: FoundEffect) -> dict[str, Any]:
+    return {
+        "name": effect.name,
+        "signal": effect.signal,
+        "parameters": _estimates(effect.parameters),
+        "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value},
+    }
+
+
+def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in estimates.items()}
+
+
+def _errors(parts: Mapping[str, Mapping[str, Error]]) -> dict[str, Any]:
+    return {
+        part: {column: {"rmse": e.rmse, "unit": e.unit, "nrmse": e.nrmse} for column, e in errors.items()}
+        for part, errors in parts.items()
+    }
+
+
+def _finite(node: Any) -> Any:
+    """`node` with plain floats, and `None` for those that JSON cannot hold."""
+    if isinstance(node, dict):
+        return {key: _finite(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_finite(value) for value in node]
+    if node is None or isinstance(node, str | bool | int):
+        return node
+    return float(node) if math.isfinite(node) else None
+
+
+def write(diagnosis: Diagnosis, folder: str | Path, report: bool = True) -> list[Path]:
+    """Write ``result.json``, ``card.toml`` and, unless `report` is false, ``report.html`` into `folder`.
+
+    Everything is rendered before the first file is touched; each file is then renamed into place.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: `folder` is a file, or cannot be written.
+    """
+    texts = {
+        "result.json": json.dumps(result(diagnosis), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "card.toml": fitted_card(diagnosis).to_toml(),
+    }
+    if report:
+        texts["report.html"] = page(diagnosis)
+    return placed(texts, writable_folder(folder))
+
+
+def writable_folder(folder: str | Path) -> Path:
+    """`folder` as a path; `InputError` when nothing can be written there. Makes nothing."""
+    path = Path(folder)
+    there = next((p for p in (path, *path.absolute().parents) if p.exists()), path)
+    if not there.is_dir():
+        raise InputError(
+            f"cannot write into {str(path)!r}: {str(there)!r} is not a folder; name another with --out"
+        )
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(
+            f"cannot write into {str(path)!r}: no permission for {str(there)!r}; name another with --out"
+        )
+    return path
+
+
+def fitted_card(diagnosis: Diagnosis) -> Card:
+    """The recording's card with the fitted values and the added effects; it reads back as a card.
+
+    An added effect of a class of the user's own that is not registered (:func:`jaxmuscle.effects.register`)
+    has no name in a card: its values are told in the description.
+    """
+    values: dict[str, CardEstimate] = {}
+    effects: dict[str, dict[str, CardEstimate]] = {}
+    told: list[str] = []
+    machine = diagnosis.model.effects
+    holds = {name for name, effect in machine.items() if can_declare(name, effect)}
+    # Parameters of an added effect that were not fitted are still part of it.
+    found = {effect.name for effect in diagnosis.effects}
+    for path, entry in parameters(diagnosis.model).items():
+        effect, name = split_effect(path)
+        if effect is not None and effect not in holds:
+            told.append(f"{path} = {entry.value} {entry.unit}".rstrip())
+        elif effect in found:
+            effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
+    fitted = {
+        effect_path(e.name, name): value for e in diagnosis.effects for name, value in e.parameters.items()
+    }
+    for path, estimate in {**fitted, **diagnosis.parameters}.items():
+        effect, name = split_effect(path)
+        if effect is None:
+            values[name] = _card_estimate(estimate)
+        elif effect in holds:
+            effects.setdefault(effect, {})[name] = _card_estimate(estimate)
+    return diagnosis.recording.card.updated(values, effects).telling(told)
+
+
+def _card_estimate(estimate: Estimate) -> CardEstimate:
+    return estimate.value, estimate.std if 0 < estimate.std < float("inf") else None
+
+
+def placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
+    """Write `texts`, by names, into `folder`: all of them, or none."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write into {str(folder)!r}: {error.strerror}") from error
+    files = [folder / name for name in texts]
+    with atomic_write(*files) as unfinished:
+        for file, text in zip(unfinished, texts.values(), strict=True):
+            file.write_text(text, encoding="utf-8", newline="\n")
+    return files
+
+
+def write_fit(result: FitResult, folder: str | Path) -> list[Path]:
+    """Write ``result.json`` and a card with the fitted values for each recording: all of them, or none.
+
+    The first recording's card is ``card.toml``, the others' ``card-NAME.toml``.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: `folder` is a file, or cannot be written; a value that a card has no place for.
+    """
+    names = list(result.cards)
+    texts = {"result.json": as_json(result)}
+    for number, name in enumerate(names):
+        texts[f"card-{name}.toml" if number else "card.toml"] = result.to_card(name).to_toml()
+    return placed(texts, writable_folder(folder))

@@ -1,0 +1,204 @@
+"""Simulation of an actuator on a recording or on a command of one's own, in steps that the user asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, ArrayLike, Float
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.simulation.run import run
+from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
+from jaxmuscle.simulation.track import (
+    Track,
+    commanded_track,
+    hidden_start,
+    is_measured,
+    observed,
+    sampling_step,
+    start_at_rest,
+    with_states,
+)
+
+MOST = 100_000
+"""Largest number of substeps."""
+FINER = 0.1
+"""Tolerance of the run that controlled steps are judged by, relative to their own."""
+
+
+class Steps(eqx.Module):
+    """A method (the machine's own when `None`), steps between two samples (the fewest, with a tolerance)."""
+
+    method: str | None = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+    tolerance: Float[Array, ""] | None
+
+    def finer(self) -> Steps:
+        """The steps by whose result these are judged: half as long, with a tenth of the tolerance."""
+        tolerance = None if self.tolerance is None else FINER * self.tolerance
+        return Steps(self.method, 2 * self.substeps, tolerance)
+
+
+def enough_substeps(actuator: AbstractActuator, step: float) -> int:
+    """Substeps that make the steps no longer than the rig's largest; `step`: between samples [s]."""
+    return max(1, math.ceil(step / actuator.largest_step - 1e-9))
+
+
+def steps_of(
+    actuator: AbstractActuator,
+    step: float,
+    method: str | None = None,
+    substeps: int | None = None,
+    tolerance: float | None = None,
+) -> Steps:
+    """What a user asks for, `step` [s] between samples.
+
+    Raises:
+        InputError: an unknown method, one that does not estimate its error for a tolerance, substeps or a
+            tolerance out of range.
+    """
+    if method is not None and method not in METHODS:
+        raise InputError(f"method: unknown {method!r}{nearest(str(method), METHODS)}")
+    fewest = enough_substeps(actuator, step) if tolerance is None else 1
+    count = fewest if substeps is None else substeps
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST:
+        raise InputError(f"substeps: expected a whole number from 1 to {MOST}; got {substeps!r}")
+    if tolerance is None:
+        return Steps(method, count, None)
+    if not 1e-13 <= tolerance <= 0.1:
+        raise InputError(f"tolerance: expected a relative error from 1e-13 to 0.1; got {tolerance!r}")
+    chosen = CONTROLLED[0] if method is None else method
+    if chosen not in CONTROLLED:
+        names = " or ".join(CONTROLLED)
+        raise InputError(f"method: {chosen!r} does not estimate its error; for a tolerance take {names}")
+    return Steps(chosen, count, jnp.asarray(tolerance, dtype=float))
+
+
+class Simulation(eqx.Module):
+    """Readings of a machine over time, SI: output → array with a leading axis of samples.
+
+    `error`, if it was asked for: how far each reading may be from that of infinitely short steps, up to
+    each sample.
+    """
+
+    time: Float[Array, " samples"]
+    readings: dict[str, Float[Array, "samples *muscles"]]
+    error: dict[str, Float[Array, "samples *muscles"]] | None = None
+
+    def to_frame(self) -> pd.DataFrame:
+        """A table indexed by time [s], one column a sensor; several muscles are numbered from 1."""
+        columns = {}
+        for name, values in self.readings.items():
+            table = np.asarray(values).reshape(len(values), -1)
+            for i in range(table.shape[1]):
+                columns[name if table.shape[1] == 1 else f"{name}_{i + 1}"] = table[:, i]
+        return pd.DataFrame(columns, index=pd.Index(np.asarray(self.time), name="time"))
+
+
+def simulate(
+    actuator: AbstractActuator,
+    given: Recording | ArrayLike,
+    times: ArrayLike | None = None,
+    *,
+    start: Mapping[str, ArrayLike] | None = None,
+    method: str | None = None,
+    substeps: int | None = None,
+    tolerance: float | None = None,
+    error: bool = False,
+) -> Simulation:
+    """Simulate `actuator` from rest.
+
+    Between two samples, where the command is held, fixed steps are taken or, with a `tolerance`, steps whose
+    estimated error stays below it. Play operators are exact either way. Of a muscle with dry friction and
+    hysteresis that lifts a mass at 500 Hz (`benchmarks/accuracy.py`), the position is wrong by this much of
+    its range: with 1, 2, 4 substeps 1.4e-4, 2.3e-5, 7.6e-6 by "chebyshev" and 4.4e-3, 1.7e-5, 3.9e-6 by
+    "heun", which sticking friction makes unstable in steps longer than 1 ms; with a tolerance of 1e-4 2.4e-6.
+
+    Args:
+        given: a recording, whose command is replayed from its first measured state (states that the bench
+            imposes follow the recording); or a command, one row a sample, held until the next one.
+        times: sampling instants of a command [s], uniform.
+        start: states at the first sample, for a command: SI, absolute pressures; without it the muscle is
+            at ambient pressure and everything at rest. By name: measured states and rates; hidden states of
+            the machine (``opening``); those of effects by the effect's name (``creep``); of an array all
+            entries or one (``creep[0]``), as a fit calls them after ``start.``.
+        method: "chebyshev" (second order, stabilised), "heun" (second), "bogacki-shampine" (third) or
+            "dormand-prince" (fifth); without one the machine's own, which is "chebyshev" or, where part of
+            the machine is linear and fast, an exponential method.
+        substeps: steps between two samples; with a tolerance the fewest, one if not given; else as many as
+            the rig's `largest_step` asks for.
+        tolerance: largest error of a step relative to the largest value that each state has had.
+        error: simulate a second time, with steps half as long and a tenth of the tolerance, and give twice
+            the largest difference so far as the error of the readings. It bounds the error where halving
+            the steps halves it at least.
+
+    Returns:
+        the readings at every sample; differentiable with respect to the parameters in forward mode, and with
+        fixed steps in reverse mode.
+
+    Raises:
+        ValueError: a command without times, times of another length or not uniform, an unknown start.
+        TypeError: a command for a rig whose states are imposed by a bench.
+        InputError: an unknown method, substeps or a tolerance out of range.
+    """
+    hidden: dict[str, Array] = {}
+    if isinstance(given, Recording):
+        track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
+    else:
+        track, clock, hidden = _commanded(actuator, given, times, start or {})
+    steps = steps_of(actuator, float(clock[1] - clock[0]), method, substeps, tolerance)
+    readings = _run(actuator, track, len(clock), steps, hidden)
+    if not error:
+        return Simulation(jnp.asarray(clock), readings)
+    finer = _run(actuator, track, len(clock), steps.finer(), hidden)
+    return Simulation(jnp.asarray(clock), readings, jax.tree.map(_bound, readings, finer))
+
+
+def _bound(coarse: Array, fine: Array) -> Array:
+    """Twice the largest difference up to each sample; once would do for an error without any limit."""
+    return 2 * jax.lax.cummax(jnp.abs(coarse - fine), axis=0)
+
+
+@eqx.filter_jit
+def _run(
+    actuator: AbstractActuator, track: Track, samples: int, steps: Steps, hidden: dict[str, Array]
+) -> dict[str, Array]:
+    begin = with_states(start_at_rest(actuator, track), hidden)
+    return run(
+        actuator,
+        track,
+        begin,
+        jnp.asarray(0),
+        samples=samples,
+        imposed=actuator.imposed,
+        substeps=steps.substeps,
+        method=steps.method,
+        tolerance=steps.tolerance,
+    ).readings
+
+
+def _commanded(
+    actuator: AbstractActuator, given: ArrayLike, times: ArrayLike | None, start: Mapping[str, ArrayLike]
+) -> tuple[Track, NDArray[np.float64], dict[str, Array]]:
+    """Track, sampling instants, and the hidden states of `start`."""
+    if actuator.imposed:
+        raise TypeError(f"rig {actuator.rig!r} has no command: its states are imposed; give a recording")
+    if times is None:
+        raise ValueError("a command needs the instants of its samples: simulate(actuator, command, times)")
+    clock, command = np.asarray(times, dtype=float), jnp.asarray(given, dtype=float)
+    muscles = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
+    if command.shape != (*clock.shape, *muscles):
+        raise ValueError(f"expected a command of shape {(*clock.shape, *muscles)}; got {command.shape}")
+    measured = {name: value for name, value in start.items() if is_measured(actuator, name)}
+    track = commanded_track(actuator, command, jnp.asarray(sampling_step(clock)), measured)
+    others = {name: value for name, value in start.items() if name not in measured}
+    return track, clock, hidden_start(actuator, track, others)

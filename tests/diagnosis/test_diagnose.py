@@ -1,0 +1,170 @@
+"""From a recording to the effect that its model lacks, end to end."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.recorded import driven_card, driven_recording
+
+import jaxmuscle as jm
+from jaxmuscle.diagnosis.diagnose import LARGEST_P, LEAST_GAIN, _supported, diagnose
+from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.ranking import Candidate, Ranking
+from jaxmuscle.effects import LoadFriction
+from jaxmuscle.parameters import parameters
+
+MASS_FRICTION = 13.84
+"""Guide friction with which the bench made the shipped recording [N]."""
+
+
+@pytest.fixture(scope="module")
+def lift():
+    messages = []
+    diagnosis = diagnose(jm.read(jm.sample("lift")), progress=messages.append)
+    return diagnosis, messages
+
+
+def test_lift_lacks_load_friction(lift):
+    diagnosis, _ = lift
+    assert diagnosis.verdict == "effects found"
+    assert diagnosis.converged
+    first = diagnosis.effects[0]
+    assert (first.name, first.signal) == ("load_friction", "load")
+    assert first.p_value < LARGEST_P
+    assert LEAST_GAIN < first.gain <= 1.0
+
+
+def test_lift_strength(lift):
+    force = lift[0].effects[0].parameters["force"]
+    assert force.unit == "N"
+    assert force.value == pytest.approx(MASS_FRICTION, rel=0.05)
+    assert abs(force.value - MASS_FRICTION) < 4 * force.std
+    assert force.std < 0.05 * MASS_FRICTION
+
+
+def test_lift_held_out_error_falls_to_the_noise(lift):
+    diagnosis, _ = lift
+    before, after = (part["held_out"]["position"] for part in (diagnosis.before, diagnosis.after))
+    assert before.in_noise > 2
+    assert after.in_noise < 1.5
+    assert after.rmse == pytest.approx(after.in_noise * diagnosis.noise["position"])
+    assert diagnosis.held_out_fraction == pytest.approx(0.3, abs=1e-3)
+
+
+def test_lift_errors_are_those_of_its_traces(lift):
+    traces, after = lift[0].traces, lift[0].after
+    for part, rows in (("training", ~traces.held_out), ("held_out", traces.held_out)):
+        error = (traces.after["position"] - traces.measured["position"])[rows]
+        assert after[part]["position"].rmse == pytest.approx(np.sqrt(np.mean(error**2)))
+
+
+def test_lift_model_differs_by_what_was_found(lift):
+    diagnosis, _ = lift
+    assert set(diagnosis.declared.effects) == {"thread_friction"}
+    assert set(diagnosis.model.effects) == {"thread_friction", *(e.name for e in diagnosis.effects)}
+    entries = parameters(diagnosis.model)
+    given = diagnosis.effects[0].parameters["force"].value
+    assert float(entries["effects.load_friction.force"].value) == given
+    assert diagnosis.parameters["effects.load_friction.force"].value == given
+    assert set(diagnosis.parameters) == set(diagnosis.correlations.index)
+    assert {"valve_area", "end_factor"} < set(diagnosis.parameters)
+
+
+def test_lift_runners_up(lift):
+    """Every other effect of the rig, best first, and none of them as good."""
+    diagnosis, messages = lift
+    names = [alternative.name for alternative in diagnosis.alternatives]
+    offered = {effect.name for effect in bench.offered("isotonic")}
+    assert set(names) == offered - {"thread_friction", "load_friction"}
+    losses = [alternative.loss for alternative in diagnosis.alternatives]
+    assert losses == sorted(losses)
+    assert losses[0] > diagnosis.rounds[0].ranking[0].loss
+    assert all(alternative.told_apart for alternative in diagnosis.alternatives)
+    assert any("load_friction" in str(message) for message in messages)
+
+
+def test_nothing_is_missing():
+    diagnosis = diagnose(
+        driven_recording({"thread_friction": bench.THREADS}, driven_card(bench.THREADS), seed=3)
+    )
+    assert (diagnosis.verdict, diagnosis.effects, diagnosis.unexplained) == ("complete", (), ())
+    assert diagnosis.converged
+    for part in ("training", "held_out"):
+        assert diagnosis.before[part] == diagnosis.after[part]
+    for name, value in {"initial_radius": 0.007, "end_factor": 1.303}.items():
+        estimate = diagnosis.parameters[name]
+        assert abs(estimate.value - value) < 4 * estimate.std
+
+
+def test_ends_of_the_muscle_are_found():
+    effects = {"thread_friction": bench.THREADS, "pressure_dependent_ends": {"amplitude": 0.8}}
+    diagnosis = diagnose(driven_recording(effects, driven_card(bench.THREADS), seed=5))
+    assert diagnosis.verdict == "effects found"
+    first = diagnosis.effects[0]
+    assert first.name == "pressure_dependent_ends"
+    assert first.parameters["amplitude"].value == pytest.approx(0.8, rel=0.05)
+    assert diagnosis.after["held_out"]["force"].rmse < 0.5 * diagnosis.before["held_out"]["force"].rmse
+    reveal = diagnosis.reveal
+    assert reveal is not None
+    assert (reveal.signal, reveal.unit) == ("muscle_force", "N")
+    assert np.std(reveal.after) < 0.5 * np.std(reveal.before)
+
+
+def test_what_the_catalogue_does_not_hold_is_unexplained():
+    """A force that ripples along the contraction, and an empty catalogue."""
+    contraction = driven_recording({}, driven_card({})).columns["position"]
+    extra = 8.0 * np.sin(contraction / 0.004)
+    diagnosis = diagnose(driven_recording({}, driven_card({}), extra=extra), catalogue=())
+    assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", ())
+    (left,) = diagnosis.unexplained
+    assert left.signal == "muscle_force"
+    assert left.depends_on[0] == "position"
+    assert left.rms_in_noise > 3
+
+
+@pytest.mark.slow
+def test_held_out_rows_do_not_influence_the_outcome(lift):
+    recording = jm.read(jm.sample("lift"))
+    first, rng = round(0.7 * len(recording)), np.random.default_rng(1)
+    columns = {name: values.copy() for name, values in recording.columns.items()}
+    for name in ("pressure", "position"):
+        columns[name][first:] += 0.1 * np.ptp(columns[name]) * rng.normal(size=len(recording) - first)
+    spoilt = diagnose(dataclasses.replace(recording, columns=columns))
+    clean, _ = lift
+    assert [effect.name for effect in spoilt.effects] == [effect.name for effect in clean.effects]
+    assert spoilt.after["held_out"]["position"].rmse > 5 * clean.after["held_out"]["position"].rmse
+    for name, estimate in clean.parameters.items():
+        assert spoilt.parameters[name].value == pytest.approx(estimate.value, rel=1e-9), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "effect"), [("08", "bladder_stiffness"), ("11", "gravity")])
+def test_practice_recordings(shared, name, effect):
+    diagnosis = diagnose(jm.read(shared / "recordings" / "practice" / f"{name}.csv"))
+    assert diagnosis.effects[0].name == effect
+
+
+@pytest.mark.parametrize(
+    ("loss", "gain", "p_value", "accepted"),
+    [
+        (1.5, 0.15, 0.009, True),
+        (1.5, 0.09, 1e-6, False),
+        (1.5, 0.9, 0.011, False),
+        # Few windows miss something: most of that has to go, and the p-value counts both candidates.
+        (1.05, 0.9, 0.004, True),
+        (1.05, 0.9, 0.006, False),
+        (1.05, 0.4, 1e-6, False),
+    ],
+)
+def test_what_supports_an_effect(loss, gain, p_value, accepted):
+    def candidate(gain, p_value):
+        return Candidate(LoadFriction, Evidence(gain, p_value, loss), np.zeros(1), None, ())  # pyright: ignore
+
+    best = candidate(gain, p_value)
+    ranking = Ranking(loss, (), (best, candidate(0.0, 1.0)))
+    assert _supported(ranking) is (best if accepted else None)
+
+
+def test_nothing_to_choose_from_supports_nothing():
+    assert _supported(Ranking(5.0, (), ())) is None

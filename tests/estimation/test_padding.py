@@ -1,0 +1,116 @@
+"""Padding to sizes of a series changes no number, and lets recordings of several lengths share a program."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.recorded import driven_card, driven_recording
+
+import jaxmuscle as jm
+from jaxmuscle.estimation.padding import FACTOR, bucket, in_buckets, without_padding
+from jaxmuscle.estimation.residuals import evaluate, residuals
+from jaxmuscle.estimation.windows import case
+from jaxmuscle.parameters import replace
+
+SAMPLES = 700
+
+
+def first_rows(recording, rows, breaks=()):
+    """The beginning of a recording."""
+    columns = {name: values[:rows] for name, values in recording.columns.items()}
+    return dataclasses.replace(recording, time=recording.time[:rows], columns=columns, breaks=tuple(breaks))
+
+
+@pytest.fixture(scope="module")
+def lift():
+    return jm.read(jm.sample("lift"))
+
+
+@pytest.fixture(scope="module")
+def driven():
+    ends = {"pressure_dependent_ends": bench.ENDS}
+    return driven_recording(ends, driven_card({}), seconds=6.0)
+
+
+def test_sizes_grow_by_the_factor():
+    sizes = [bucket(size) for size in range(1, 3000)]
+    assert sizes == sorted(sizes)
+    for size, found in enumerate(sizes, start=1):
+        assert size <= found <= max(size, FACTOR * (size - 1) + 1)
+        assert bucket(found) == found
+    assert len(set(sizes)) < 35
+
+
+@pytest.mark.parametrize("kind", ["lift", "lift with a break", "driven"])
+def test_residuals_and_their_slopes_are_the_same(kind, lift, driven):
+    if kind == "driven":
+        prepared, path = case(driven, 0.2), "muscle.end_factor"
+    else:
+        breaks = (330,) if "break" in kind else ()
+        prepared, path = case(first_rows(lift, SAMPLES, breaks), 0.2), "valve.area"
+    problem = prepared.training.in_parts(4)
+    common = in_buckets(problem)
+    assert common.total > problem.total or len(common.rows) > len(problem.rows)
+
+    @eqx.filter_jit
+    def slopes(problem):
+        value = jm.parameters.get(prepared.actuator, path)
+        push = lambda factor: residuals(replace(prepared.actuator, {path: factor * value}), problem)  # noqa: E731
+        return jax.jvp(push, (jnp.asarray(1.1),), (jnp.asarray(1.0),))
+
+    plain, own = slopes(problem)
+    found = slopes(common)
+    assert max(np.abs(values).max() for values in own.values()) > 0
+    for output in plain:
+        weights = np.asarray(without_padding(common.weights, problem)[output])
+        np.testing.assert_array_equal(weights, problem.weights[output])
+        assert float(common.weights[output].sum()) == pytest.approx(float(weights.sum()), rel=1e-13)
+        scale = np.abs(plain[output]).max()
+        cut = without_padding(found[0], problem)[output]
+        np.testing.assert_allclose(cut, plain[output], rtol=0, atol=1e-11 * scale)
+        assert float((found[0][output] ** 2).sum()) == pytest.approx(float((plain[output] ** 2).sum()))
+        scale = np.abs(own[output]).max()
+        assert np.isfinite(found[1][output]).all()
+        cut = without_padding(found[1], problem)[output]
+        np.testing.assert_allclose(cut, own[output], rtol=0, atol=1e-11 * scale)
+
+
+def test_axes_before_the_windows_stay(driven):
+    problem = case(driven, 0.2).problem
+    common = in_buckets(problem)
+    stacked = {out: jnp.stack([values, 2 * values]) for out, values in common.targets.items()}
+    found = without_padding(stacked, problem, axis=1)
+    for output, values in problem.targets.items():
+        np.testing.assert_array_equal(found[output], np.stack([values, 2 * values]))
+
+
+def test_windows_of_a_fixed_length_keep_it(lift):
+    problem = case(first_rows(lift, SAMPLES), 0.2).problem
+    common = in_buckets(problem, keep_samples=True)
+    assert common.samples == problem.samples != in_buckets(problem).samples
+    assert common.total == in_buckets(problem).total
+
+
+def test_lengths_of_one_size_share_a_program(lift):
+    traced = []
+
+    @eqx.filter_jit
+    def evaluated(model, problem):
+        traced.append(problem.total)
+        return residuals(model, problem)
+
+    rows = bucket(SAMPLES)
+    cases = [case(first_rows(lift, length), 0.0) for length in (rows, rows - 40)]
+    assert cases[0].problem.total != cases[1].problem.total
+    for prepared in cases:
+        evaluated(prepared.actuator, in_buckets(prepared.problem))
+    assert len(traced) == 1
+    for prepared in cases:
+        cut = without_padding(evaluated(prepared.actuator, in_buckets(prepared.problem)), prepared.problem)
+        plain = evaluate(prepared.actuator, prepared.problem)
+        for output, values in plain.items():
+            np.testing.assert_allclose(cut[output], values, rtol=0, atol=1e-11 * np.abs(values).max())
