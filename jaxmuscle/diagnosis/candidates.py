@@ -101,8 +101,8 @@ def strengths(
 SPARE = 6
 """Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
 takes its derivatives in one wider program."""
-FALL = 3e-4
-"""Relative fall of the cost over a step at which a fit of a search ends."""
+FALL = 3e-5
+"""Expected fall of the cost, relative to it, at which a fit of a search ends."""
 SETTLED = (CONVERGED, STALLED)
 """How a fit ends that more steps would not carry on."""
 

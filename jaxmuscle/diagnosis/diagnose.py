@@ -37,7 +37,7 @@ from jaxmuscle.estimation.fit import FitResult, fit_nearby
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
 from jaxmuscle.parameter_names import of_effect
-from jaxmuscle.parameters import get
+from jaxmuscle.parameters import get, replace
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.recording import Recording
 
@@ -72,8 +72,10 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     names = [candidate.effect.name for candidate in outcome.found]
     declared = _lean(bench, outcome.declared, [])
     final = _final_fit(case, bench, outcome, names)
+    fitted = {entry.path: entry.value for entry in final.parameters.values()}
+    outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
     missing = missing_rates(case, outcome.model)
-    traces = _traces(case, bench, outcome)
+    traces = _traces(case, outcome)
     after = errors(case, traces.after, traces.held_out)
     left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if left else "complete"
@@ -97,7 +99,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         correlations=final.correlations,
         reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
         traces=traces,
-        converged=outcome.converged and final.converged,
+        converged=outcome.converged and final.code in SETTLED,
         seconds=time.perf_counter() - begin,
         settings={
             "windows": len(case.windows),
@@ -115,11 +117,12 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
 
 
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult:
-    """The found model fitted to all rows, those that were held out for its errors included."""
+    """The found model fitted by the rules of :func:`jaxmuscle.fit`, without the held-out rows."""
     model = _lean(bench, outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
     known = {path: (prior.mean, prior.std) for path, prior in priors.items()}
-    return fit_nearby(model, case.recording, free, known, outcome.ignored)
+    unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
+    return fit_nearby(model, case.recording, free, known, unused)
 
 
 def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:
@@ -151,20 +154,24 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
     )
 
 
-def _traces(case: Case, bench: Workbench, outcome: Outcome) -> Traces:
-    held_out = np.zeros(len(case.recording), dtype=bool)
-    windows = case.windows
+def held_out_rows(case: Case) -> NDArray[np.bool_]:
+    """Rows that no fit and no choice may see."""
+    held_out, windows = np.zeros(len(case.recording), dtype=bool), case.windows
     for row, mask in zip(windows.rows[windows.held_out], windows.mask[windows.held_out], strict=True):
         held_out[row + np.flatnonzero(mask)] = True
-    before = predicted_columns(case, outcome.declared)
-    after = predicted_columns(case, outcome.model) if outcome.found else before
+    return held_out
+
+
+def _traces(case: Case, outcome: Outcome) -> Traces:
+    after = predicted_columns(case, outcome.model)
+    before = predicted_columns(case, outcome.declared) if outcome.found else after
     return Traces(
         time=case.recording.time,
         measured={name: case.recording.columns[name] for name in before},
         before=before,
         after=after,
-        windows=windows.rows,
-        held_out=held_out,
+        windows=case.windows.rows,
+        held_out=held_out_rows(case),
     )
 
 
@@ -201,9 +208,10 @@ def diagnose(
 
     Every round fits the present model and the model with each candidate on some of the training windows
     and judges them on the others, fold by fold. The best candidate is added when it removes at least a
-    tenth of the excess error on unseen windows with p < 0.01; everything is refitted; at most three
-    effects are added. The held-out rows take no part in that: they give the errors that are reported, and
-    tell whether something is unexplained that the training rows did not show.
+    tenth of the excess error on unseen windows with p < 0.01, else the best one that does of those that
+    are not told apart from it; everything is refitted; at most three effects are added. The held-out rows
+    take no part in that: they give the errors that are reported, and tell whether something is unexplained
+    that the training rows did not show.
 
     Args:
         recording: as :func:`jaxmuscle.read` gives it.
@@ -272,18 +280,25 @@ def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> 
 
 
 def _supported(ranking: Ranking) -> Candidate | None:
-    """The best candidate, if the unseen windows support it.
+    """The best candidate that the unseen windows support, of those that they do not tell from the best one.
 
     Where only a few windows miss something, chance finds one among many candidates that helps there: it has
     to explain most of them, and its p-value counts the candidates.
     """
-    best = ranking.candidates[0] if ranking.candidates else None
-    if best is None:
-        return None
     little = ranking.loss < NOTHING_LEFT
     least = MOST_OF_LITTLE if little else LEAST_GAIN
-    largest = LARGEST_P / len(ranking.candidates) if little else LARGEST_P
-    return best if best.evidence.gain >= least and best.evidence.p_value <= largest else None
+    largest = LARGEST_P / len(ranking.candidates) if little and ranking.candidates else LARGEST_P
+    for candidate in ranking.candidates:
+        if _told_apart(candidate, ranking.candidates[0]):
+            continue
+        if candidate.evidence.gain >= least and candidate.evidence.p_value <= largest:
+            return candidate
+    return None
+
+
+def _told_apart(candidate: Candidate, best: Candidate) -> bool:
+    """Whether `best` predicts unseen windows significantly better than another candidate."""
+    return candidate is not best and compare(candidate.losses, best.losses).p_value < TOLD_APART
 
 
 def _round(ranking: Ranking, best: Candidate | None) -> Round:
@@ -295,7 +310,7 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.evidence.gain,
             candidate.evidence.p_value,
             candidate.evidence.loss,
-            candidate is not first and compare(candidate.losses, first.losses).p_value < TOLD_APART,
+            _told_apart(candidate, first),
         )
         for candidate in ranking.candidates
     )

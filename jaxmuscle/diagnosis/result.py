@@ -131,8 +131,9 @@ class Diagnosis:
         verdict: "effects found", "complete" or "unexplained".
         effects: what was added, in order; `rounds` tells the searches behind it.
         declared: the machine as declared, fitted to all training data.
-        model, fit: the machine as found, and its fit to all rows. The errors are of this model as it was
-            fitted before, without the held-out rows.
+        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it.
+            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
+            again; without the masks it fits the held-out rows too, which must not have a say here.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.

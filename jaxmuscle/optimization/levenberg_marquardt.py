@@ -166,8 +166,7 @@ class Tolerances:
             standard deviations away.
         noticeable, patience: fall of the cost that so many steps, taken or rejected, have to bring.
         exact: mean square residual below which a fit counts as exact.
-        fall: relative fall of the cost over a step taken at which a descent ends; 0 for one that goes on to
-            the minimum.
+        fall: expected fall relative to the cost at which a descent may end before its minimum.
     """
 
     near: float = 1e-3
@@ -232,9 +231,6 @@ def advance(lane: Lane, local: Local, limits: Limits) -> None:
         lane.curvature = local.matrix.diagonal().copy()
     elif not _accepted(lane, local):
         lane.rejected += 1
-    elif lane.cost > (1 - limits.tolerances.fall) * lane.costs[-1]:
-        lane.end(CONVERGED)
-        return
     lane.costs.append(lane.cost)
     if lane.rejected >= REJECTIONS or _tired(lane, limits):
         lane.end(STALLED)
@@ -281,7 +277,8 @@ def _propose(lane: Lane, limits: Limits) -> None:
     stuck = ((lane.u <= limits.lower) & (g > 0)) | ((lane.u >= limits.upper) & (g < 0))
     free = ~(lane.held | stuck) & (matrix.diagonal() > 0)
     model = Quadratic(matrix[free][:, free], g[free], np.sqrt(lane.curvature[free])) if free.any() else None
-    if model is None or model.fall <= limits.tolerances.near * scale(lane, limits):
+    near = max(limits.tolerances.near * scale(lane, limits), limits.tolerances.fall * lane.cost)
+    if model is None or model.fall <= near:
         lane.end(CONVERGED)
         return
     first = lane.radius == np.inf

@@ -166,5 +166,17 @@ def test_what_supports_an_effect(loss, gain, p_value, accepted):
     assert _supported(ranking) is (best if accepted else None)
 
 
+@pytest.mark.parametrize(("losses", "added"), [((1.0, 1.0), True), ((0.2, 1.0), False)])
+def test_supported_one_of_two_that_are_as_good(losses, added):
+    """The best by a hair lacks support by itself; the other one has it, and is told apart from it or not."""
+
+    def candidate(p_value, loss):
+        spread = loss + 1e-3 * np.arange(12.0)
+        return Candidate(LoadFriction, Evidence(0.2, p_value, loss), spread, None, ())  # pyright: ignore
+
+    best, other = candidate(0.013, 1.0 + losses[0]), candidate(0.009, 1.0 + losses[1])
+    assert _supported(Ranking(5.0, (), (best, other))) is (other if added else None)
+
+
 def test_nothing_to_choose_from_supports_nothing():
     assert _supported(Ranking(5.0, (), ())) is None

@@ -20,7 +20,7 @@ SMALL = 0.1
 
 def refitted(diagnosis, recording, **how):
     """Distance of each value of the report from that of a fit of its model, in the report's deviations."""
-    fit = jm.fit(diagnosis.model, recording, **how)
+    fit = jm.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out, **how)
     assert fit.converged
     reported = diagnosis.parameters
     return {name: (v - reported[name].value) / reported[name].std for name, v in fit.values.items()}
