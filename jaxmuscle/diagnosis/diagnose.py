@@ -33,7 +33,7 @@ from jaxmuscle.diagnosis.ranking import (
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, FoundEffect, Round, Traces
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.estimation.fit import FitResult, fit_nearby
+from jaxmuscle.estimation.fit import FitResult, fit
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
 from jaxmuscle.parameter_names import of_effect
@@ -117,12 +117,12 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
 
 
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult:
-    """The found model fitted by the rules of :func:`jaxmuscle.fit`, without the held-out rows."""
+    """The found model fitted by :func:`jaxmuscle.fit`, without the held-out rows."""
     model = _lean(bench, outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
     known = {path: (prior.mean, prior.std) for path, prior in priors.items()}
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
-    return fit_nearby(model, case.recording, free, known, unused)
+    return fit(model, case.recording, free, priors=known, masks=unused)
 
 
 def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:

@@ -5,7 +5,6 @@ judgement of the best point.
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -27,7 +26,7 @@ from jaxmuscle.estimation.free_parameters import Unknowns, at_bound, moved_machi
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
 from jaxmuscle.estimation.initial_states import state_scores
 from jaxmuscle.estimation.intervals import profiles, with_conflicts, with_inner_ends
-from jaxmuscle.estimation.losses import Loss, Squares, loss_named
+from jaxmuscle.estimation.losses import Loss, loss_named
 from jaxmuscle.estimation.multistart import Found, Search, search
 from jaxmuscle.estimation.nonsmooth import without_rough
 from jaxmuscle.estimation.parameter_layout import labels, layout
@@ -285,26 +284,6 @@ def fit(
     settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
     wanted = profiled(actuator, given, asked, {entry.place.name for entry in objective.unknowns.entries})
     return conclude(search(task), actuator, wanted, settings, progress, begin)
-
-
-def fit_nearby(
-    actuator: AbstractActuator,
-    recording: Recording,
-    free: Sequence[str],
-    priors: Mapping[str, PriorLike],
-    masks: Masks = None,
-    steps: int = 50,
-) -> FitResult:
-    """:func:`fit` from an `actuator` that has been fitted: whole windows at once, and nothing is printed.
-
-    It ends in the minimum in which :func:`fit` with the same arguments ends that is begun there.
-    """
-    begin, asked = time.monotonic(), asked_for(free, (), (), priors, {})
-    objective = prepared(actuator, [recording], asked, masks, None, Squares())
-    points = begun_at(objective.unknowns, 1, 0)
-    task = Search(objective, points, steps, math.inf, False, lambda stage, course: None, near=True)
-    settings = as_settings(asked, Squares(), None, masks) | {"steps": steps, "seed": 0}
-    return conclude(search(task), actuator, (), settings, _silent, begin)
 
 
 def _teller(progress: Callable[[str], None], begin: float) -> Callable[[str, Course], None]:

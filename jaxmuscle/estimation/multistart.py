@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from numbers import Real
 
 import numpy as np
@@ -205,7 +205,6 @@ class Search:
         estimate: take the noise from the residuals.
         continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
         solver: in place of our own, see `lane.Limits`.
-        near: whether the starts are near a minimum, and come down on whole windows at once.
     """
 
     objective: Objective
@@ -216,7 +215,6 @@ class Search:
     tell: Tell
     continuation: tuple[float, ...] = ()
     solver: Callable[[Lane, Local, Limits], None] | None = None
-    near: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,7 +241,7 @@ def search(task: Search) -> Found:
     now = time.monotonic()
     first = dataclasses.replace(limits, deadline=now + FIRST_SHARE * (task.deadline - now))
     lanes: list[Lane] = []
-    for stage, stations in _stages(task, begun):
+    for stage, stations in stages(begun.stations, task.continuation):
         points, failed = ends(lanes) if lanes else (task.points, {})
         if lanes and (winner_of(lanes).code == BUDGET or time.monotonic() > first.deadline):
             break
@@ -267,12 +265,6 @@ def search(task: Search) -> Found:
         lanes = descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
         winner = winner_of(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
-
-
-def _stages(task: Search, begun: Objective) -> Iterable[tuple[str, Sequence[Station]]]:
-    if task.near:
-        return [("whole windows, first weights", begun.stations)]
-    return stages(begun.stations, task.continuation)
 
 
 def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:
