@@ -11,6 +11,7 @@ from oracles import bench
 from oracles.recorded import clock
 
 import jaxmuscle as jm
+from jaxmuscle.diagnosis.candidates import SETTLED
 from jaxmuscle.diagnosis.diagnose import _estimates
 from jaxmuscle.robot import robot
 
@@ -21,17 +22,19 @@ SMALL = 0.1
 def refitted(diagnosis, recording, **how):
     """Distance of each value of the report from that of a fit of its model, in the report's deviations."""
     fit = jm.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out, **how)
-    assert fit.converged
+    assert fit.code in SETTLED
     reported = diagnosis.parameters
     return {name: (v - reported[name].value) / reported[name].std for name, v in fit.values.items()}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sample", "effect"), [("lift", "load_friction"), ("bench", None), ("swing", None)])
-def test_fit_of_the_found_model_gives_the_reported_values(sample, effect):
+@pytest.mark.parametrize(("sample", "effects"), [("lift", ["load_friction"]), ("bench", []), ("swing", [])])
+def test_fit_of_the_found_model_gives_the_reported_values(sample, effects):
+    """Of the lift with an effect that was found; of the others as declared, which is quicker."""
     recording = jm.read(jm.sample(sample))
-    diagnosis = jm.diagnose(recording)
-    assert effect is None or [e.name for e in diagnosis.effects] == [effect]
+    how = {} if effects else {"catalogue": ()}
+    diagnosis = jm.diagnose(recording, **how)
+    assert [e.name for e in diagnosis.effects] == effects
     names = list(diagnosis.parameters)
     for free in (names, None):
         off = refitted(diagnosis, recording, free=free)
