@@ -7,13 +7,13 @@ import pytest
 
 CODE = """
 import jax, numpy as np, jaxmuscle as jm
-from jaxmuscle.sweeps import columns, job, points, setup, sweep
+from jaxmuscle.sweeps import job, operating_points, outputs, scenario
 from jaxmuscle.sweeps.job import cut
 assert len(jax.devices()) == 2
 machine, clock = jm.actuator(jm.read(jm.sample("lift")).card), np.arange(60) * 0.002
-bench = setup.bench_of(machine, {}, jm.commands.Sine(amplitude=2.0), clock, {})
-asked = columns.columns_of(bench, None, ["maximum"])
-grid = points.points_of(bench, {"mass": np.linspace(1, 20, 61)})
+bench = scenario.bench_of(machine, {}, jm.commands.Sine(amplitude=2.0), clock, {})
+asked = outputs.columns_of(bench, None, ["maximum"])
+grid = operating_points.points_of(bench, {"mass": np.linspace(1, 20, 61)})
 plan = job.Plan(tuple(c.variable for c in asked), 1)
 division = cut(grid.shape, 1000, 8, 2**30)
 assert len(job.default_devices()) == 1
