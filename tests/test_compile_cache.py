@@ -183,7 +183,7 @@ def test_the_oldest_programs_go_when_the_folder_is_full(tmp_path):
 def test_a_second_diagnosis_compiles_nothing(tmp_path):
     """Whatever threads compile side by side, in whatever order."""
     first, second = (computed(tmp_path, compute=DIAGNOSIS) for _ in range(2))
-    assert first["kept"] > 50 and second["kept"] == 0
+    assert first["kept"] > 20 and second["kept"] == 0
     assert second["result"] == first["result"]
     if not needed():
         assert second["hits"] == second["asked"]
