@@ -33,6 +33,10 @@ class LoopFit(Generic[Model]):
     converged: bool
 
 
+RESTARTS, FALL = 10, 1e-4
+"""Times that a fit goes on from its end with a new radius, as kinks shrink it; fall of cost that ends it."""
+
+
 def largest_relative_error(outputs: Series, measured: Series) -> float:
     """Largest error relative to the range of what was measured: the measure of [W], section 2.2."""
     true = np.asarray(measured)
@@ -103,6 +107,11 @@ def _solved(
     longest = np.repeat([LONGEST_STEP if x.any() else np.inf for x in values], [x.size for x in values])
     function = with_jacobian(_moved_residuals, (start, free, residuals, data))
     found = least_squares(function, np.zeros(len(longest)), longest=longest)
+    for _ in range(RESTARTS):
+        again = least_squares(function, found.x, longest=longest)
+        settled, found = again.cost > (1 - FALL) * found.cost, again
+        if settled:
+            break
     left = jnp.asarray(function(found.x)[0])
     rmse = float(np.sqrt(2 * found.cost / found.residuals))
     return LoopFit(_moved(start, free, jnp.asarray(found.x)), left, rmse, found.converged)
