@@ -32,7 +32,7 @@ def refitted(diagnosis, recording, **how):
 def test_fit_of_the_found_model_gives_the_reported_values(sample, effects):
     """Of the lift with an effect that was found; of the others as declared, which is quicker."""
     recording = jm.read(jm.sample(sample))
-    how = {} if effects else {"catalogue": ()}
+    how: Any = {} if effects else {"catalogue": ()}
     diagnosis = jm.diagnose(recording, **how)
     assert [e.name for e in diagnosis.effects] == effects
     names = list(diagnosis.parameters)
