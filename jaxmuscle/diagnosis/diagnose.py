@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
@@ -72,21 +73,22 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     names = [candidate.effect.name for candidate in outcome.found]
     declared = _lean(bench, outcome.declared, [])
     final = _final_fit(case, bench, outcome, names)
-    fitted = {entry.path: entry.value for entry in final.parameters.values()}
-    outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
+    if final:
+        fitted = {entry.path: entry.value for entry in final.parameters.values()}
+        outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
     missing = missing_rates(case, outcome.model)
     traces = _traces(case, outcome)
     after = errors(case, traces.after, traces.held_out)
     left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if left else "complete"
-    values = _estimates(final, outcome.folds)
+    values = _estimates(final, outcome.folds) if final else {}
     return Diagnosis(
         recording=case.recording,
         verdict=verdict,
         effects=tuple(_found(candidate, values) for candidate in outcome.found),
         rounds=outcome.rounds,
         declared=declared,
-        model=final.actuator,
+        model=final.actuator if final else _lean(bench, outcome.model, names),
         fit=final,
         before=errors(case, traces.before, traces.held_out),
         after=after,
@@ -96,10 +98,10 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         held_out_fraction=float(traces.held_out.mean()),
         unexplained=left,
         parameters=values,
-        correlations=final.correlations,
+        correlations=final.correlations if final else pd.DataFrame(),
         reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
         traces=traces,
-        converged=outcome.converged and final.code in SETTLED,
+        converged=outcome.converged and (final is None or final.code in SETTLED),
         seconds=time.perf_counter() - begin,
         settings={
             "windows": len(case.windows),
@@ -116,10 +118,12 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
     return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
 
 
-def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult:
-    """The found model fitted by :func:`jaxmuscle.fit`, without the held-out rows."""
+def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
+    """The found model fitted by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known."""
     model = _lean(bench, outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
+    if not free:
+        return None
     known = {path: (prior.mean, prior.std) for path, prior in priors.items()}
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
     return fit(model, case.recording, free, priors=known, masks=unused)

@@ -131,7 +131,8 @@ class Diagnosis:
         verdict: "effects found", "complete" or "unexplained".
         effects: what was added, in order; `rounds` tells the searches behind it.
         declared: the machine as declared, fitted to all training data.
-        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it.
+        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
+            `None` where the card is sure of everything and nothing was added.
             ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
             again; without the masks it fits the held-out rows too, which must not have a say here.
         before, after: "training" and "held_out" → column → error.
@@ -145,7 +146,7 @@ class Diagnosis:
     rounds: tuple[Round, ...]
     declared: AbstractActuator
     model: AbstractActuator
-    fit: FitResult
+    fit: FitResult | None
     before: dict[str, dict[str, Error]]
     after: dict[str, dict[str, Error]]
     noise: dict[str, float]

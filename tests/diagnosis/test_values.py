@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from oracles import bench
-from oracles.recorded import clock
+from oracles.recorded import clock, driven_card, driven_recording
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.candidates import SETTLED
 from jaxmuscle.diagnosis.diagnose import _estimates
+from jaxmuscle.report.report_files import write
 from jaxmuscle.robot import robot
 
 SMALL = 0.1
@@ -39,6 +40,7 @@ def test_fit_of_the_found_model_gives_the_reported_values(sample, effects):
     for free in (names, None):
         off = refitted(diagnosis, recording, free=free)
         assert max(map(abs, off.values())) < SMALL, off
+    assert diagnosis.fit is not None
     assert set(diagnosis.fit.values) == set(names)
     for name, entry in diagnosis.parameters.items():
         assert entry.value == diagnosis.fit.values[name]
@@ -96,6 +98,15 @@ def test_other_rigs_keep_the_promise(rig):
     off = refitted(diagnosis, recording)
     assert set(off) == set(diagnosis.parameters) == set(free)
     assert max(map(abs, off.values())) < SMALL, off
+
+
+def test_a_card_that_is_sure_of_everything_is_diagnosed_and_reported(tmp_path):
+    recording = driven_recording({}, driven_card({}), seconds=8.0)
+    sure = {name: (quantity.value, None) for name, quantity in recording.card.uncertain.items()}
+    known = dataclasses.replace(recording, card=recording.card.updated(sure, {}))
+    diagnosis = jm.diagnose(known, catalogue=())
+    assert (diagnosis.verdict, diagnosis.fit, diagnosis.parameters) == ("complete", None, {})
+    assert {path.name for path in write(diagnosis, tmp_path)} == {"result.json", "card.toml", "report.html"}
 
 
 def test_fits_that_disagree_widen_the_deviations():
