@@ -37,6 +37,7 @@ from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.fit import FitResult, fit
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
+from jaxmuscle.parallel import in_background
 from jaxmuscle.parameter_names import of_effect
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.progress import Meter, Progress, interruptible
@@ -72,12 +73,14 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
     names = [candidate.effect.name for candidate in outcome.found]
     declared = _lean(bench, outcome.declared, [])
+    begun = in_background(lambda: _begun(case, outcome))
     final = _final_fit(case, bench, outcome, names)
+    before = begun.result()
     if final:
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
     missing = missing_rates(case, outcome.model)
-    traces = _traces(case, outcome)
+    traces = _traces(case, outcome, before)
     after = errors(case, traces.after, traces.held_out)
     left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
     verdict = "effects found" if names else "unexplained" if left else "complete"
@@ -166,13 +169,18 @@ def held_out_rows(case: Case) -> NDArray[np.bool_]:
     return held_out
 
 
-def _traces(case: Case, outcome: Outcome) -> Traces:
+def _begun(case: Case, outcome: Outcome) -> dict[str, NDArray[np.float64]]:
+    """What the declared model predicts; what the found one leaves is computed to have it compiled."""
+    missing_rates(case, outcome.model)
+    return predicted_columns(case, outcome.declared)
+
+
+def _traces(case: Case, outcome: Outcome, before: dict[str, NDArray[np.float64]]) -> Traces:
     after = predicted_columns(case, outcome.model)
-    before = predicted_columns(case, outcome.declared) if outcome.found else after
     return Traces(
         time=case.recording.time,
-        measured={name: case.recording.columns[name] for name in before},
-        before=before,
+        measured={name: case.recording.columns[name] for name in after},
+        before=before if outcome.found else after,
         after=after,
         windows=case.windows.rows,
         held_out=held_out_rows(case),
@@ -183,6 +191,7 @@ MOST_EFFECTS = 3
 LEAST_GAIN = 0.10
 """Part of the excess error on unseen windows that an effect must remove."""
 LARGEST_P = 0.01
+"""p-value up to which the first effect is added; half of that for the second, a quarter for the third."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
 MOST_OF_LITTLE = 0.5
@@ -212,10 +221,10 @@ def diagnose(
 
     Every round fits the present model and the model with each candidate on some of the training windows
     and judges them on the others, fold by fold. The best candidate is added when it removes at least a
-    tenth of the excess error on unseen windows with p < 0.01, else the best one that does of those that
-    are not told apart from it; everything is refitted; at most three effects are added. The held-out rows
-    take no part in that: they give the errors that are reported, and tell whether something is unexplained
-    that the training rows did not show.
+    tenth of the excess error on unseen windows with p < 0.01 (the second with p < 0.005, the third with
+    p < 0.0025); everything is refitted; at most three effects are added. The held-out rows take no part in
+    that: they give the errors that are reported, and tell whether something is unexplained that the training
+    rows did not show.
 
     Args:
         recording: as :func:`jaxmuscle.read` gives it.
@@ -249,6 +258,7 @@ def _diagnosed(
     parts = prepared.training.in_parts(PARTS)
     meter.expect(DECLARED + round_work(candidates, fold_count(parts), again=False) + CONCLUSION)
     meter.did(0.0, "fitting the declared model")
+    compiled = in_background(lambda: bench.compile_stateful(parts))
     declared, _ = bench.fit(bench.model, [], parts, FIT_STEPS)
     meter.did(DECLARED, "fitting the declared model with its final weights")
     parts = _with_spread(prepared, parts, declared)
@@ -259,8 +269,9 @@ def _diagnosed(
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
             break
+        compiled.result()
         ranking = rank(bench, model, [f.effect.name for f in found], parts, meter)
-        best = _supported(ranking)
+        best = _supported(ranking, len(found))
         rounds.append(_round(ranking, best))
         folds = best.folds if best else ranking.folds
         if best is None:
@@ -283,21 +294,21 @@ def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> 
     return training.allowing(expected_spread(model, training, wider))
 
 
-def _supported(ranking: Ranking) -> Candidate | None:
-    """The best candidate that the unseen windows support, of those that they do not tell from the best one.
+def _supported(ranking: Ranking, found: int) -> Candidate | None:
+    """The best candidate, if unseen windows support it; `found`: effects that were added before.
 
     Where only a few windows miss something, chance finds one among many candidates that helps there: it has
-    to explain most of them, and its p-value counts the candidates.
+    to explain most of them, and its p-value counts the candidates. Every round is another chance to be
+    misled: each may spend half of what the one before could, so that all of them together stay below twice
+    :data:`LARGEST_P`.
     """
-    little = ranking.loss < NOTHING_LEFT
+    if not ranking.candidates:
+        return None
+    best, little = ranking.candidates[0], ranking.loss < NOTHING_LEFT
     least = MOST_OF_LITTLE if little else LEAST_GAIN
-    largest = LARGEST_P / len(ranking.candidates) if little and ranking.candidates else LARGEST_P
-    for candidate in ranking.candidates:
-        if _told_apart(candidate, ranking.candidates[0]):
-            continue
-        if candidate.evidence.gain >= least and candidate.evidence.p_value <= largest:
-            return candidate
-    return None
+    largest = LARGEST_P / 2**found / (len(ranking.candidates) if little else 1)
+    supported = best.evidence.gain >= least and best.evidence.p_value <= largest
+    return best if supported else None
 
 
 def _told_apart(candidate: Candidate, best: Candidate) -> bool:
@@ -314,7 +325,8 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.evidence.gain,
             candidate.evidence.p_value,
             candidate.evidence.loss,
-            _told_apart(candidate, first),
+            not candidate.judged or _told_apart(candidate, first),
+            candidate.judged,
         )
         for candidate in ranking.candidates
     )

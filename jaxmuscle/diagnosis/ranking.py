@@ -7,14 +7,11 @@ has been compiled in an earlier round is far less. Other rigs take longer in all
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle._config import cores
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import (
     SETTLED,
@@ -28,6 +25,7 @@ from jaxmuscle.diagnosis.candidates import (
 from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
 
@@ -122,11 +120,11 @@ def _strengths(
     return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]
 
 
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
 STEPS = 60
 """Most steps of a fit on the windows of a fold."""
+PROMISING = 0.05
+"""Part of the excess error that a candidate has to remove on the windows that it is fitted to, to be judged
+on others: half of what an effect has to remove there."""
 FEW = 64
 """Blocks below which four folds are made instead of two: half of a short recording determines too little."""
 
@@ -135,7 +133,8 @@ FEW = 64
 class Candidate:
     """An effect, how well it predicts unseen windows, and the models fitted with it.
 
-    `model`: to all blocks; `folds`: to all but those of one fold, fold by fold.
+    `model`: to all blocks; `folds`: to all but those of one fold, fold by fold. Without folds it was not
+    tried on unseen windows: its evidence is that of the windows it was fitted to, and too little.
     """
 
     effect: type[AbstractEffect]
@@ -143,6 +142,11 @@ class Candidate:
     losses: Losses
     model: AbstractActuator
     folds: tuple[AbstractActuator, ...]
+
+    @property
+    def judged(self) -> bool:
+        """Whether it was tried on unseen windows."""
+        return bool(self.folds)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,47 +170,48 @@ def rank(
     The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. The
     blocks, stretches predicted in one go, ordered by how much moves in them, go to two folds in turn (four
     when they are few): from there the present model and each candidate are fitted on all folds but one, with
-    all parameters that are free anyway, and judged on that one.
+    all parameters that are free anyway, and judged on that one. A candidate that removes less than
+    :data:`PROMISING` of the excess error of the very windows that it was fitted to, and of their excess sum
+    of squares, is not judged.
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
-    rest.sort(key=carries_state, reverse=True)  # what has to be compiled for itself comes first
+    rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
     folds = Folds(problem)
     if accepted:
         meter.expect(round_work(rest, folds.count, again=True))
-    searched = _on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
-    models = [(model, list(accepted))]
-    models += [(found, [*accepted, e.name]) for e, found in zip(rest, searched, strict=True)]
+    searched = on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
+    present = bench.fit(model, accepted, problem, STEPS)[0]
+    fitted, squares = folds.losses(bench, present), folds.squares(bench, present)
+    promising, left = [], []
+    for effect, found in zip(rest, searched, strict=True):
+        own = folds.losses(bench, found)
+        candidate = Candidate(effect, compare(fitted, own), own, found, ())
+        fall = squares - folds.squares(bench, found)
+        promises = max(candidate.evidence.gain, fall / max(squares, 1.0)) >= PROMISING
+        (promising if promises else left).append(candidate)
+    models = [(model, list(accepted)), *((c.model, [*accepted, c.effect.name]) for c in promising)]
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
+    work = JUDGEMENT * (len(rest) + 1) / len(models)
 
     def judge(task: tuple[AbstractActuator, list[str], int]) -> tuple[Losses, AbstractActuator]:
         judged = folds.judged(bench, *task)
-        meter.did(JUDGEMENT, "judging all on windows that they were not fitted to")
+        meter.did(work, "judging all on windows that they were not fitted to")
         return judged
 
-    judged, count = _on_all_cores(judge, tasks), folds.count
-    losses = [
-        np.concatenate([loss for loss, _ in judged[i : i + count]]) for i in range(0, len(judged), count)
+    judged, count = on_all_cores(judge, tasks), folds.count
+    each = [judged[i : i + count] for i in range(0, len(judged), count)]
+    losses = [np.concatenate([loss for loss, _ in parts]) for parts in each]
+    refitted = [tuple(model for _, model in parts) for parts in each]
+    tried = [
+        Candidate(c.effect, compare(losses[0], own), own, c.model, models)
+        for c, own, models in zip(promising, losses[1:], refitted[1:], strict=True)
     ]
-    fitted = [tuple(model for _, model in judged[i : i + count]) for i in range(0, len(judged), count)]
-    base = losses[0]
-    candidates = [
-        Candidate(effect, compare(base, own), own, found, models)
-        for effect, own, found, models in zip(rest, losses[1:], searched, fitted[1:], strict=True)
-    ]
-    candidates.sort(key=lambda candidate: candidate.evidence.loss)
-    return Ranking(float(np.expm1(base.mean())), fitted[0], tuple(candidates))
+    ranked = [*sorted(tried, key=_loss), *sorted(left, key=_loss)]
+    return Ranking(float(np.expm1(losses[0].mean())), refitted[0], tuple(ranked))
 
 
-def _on_all_cores(function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
-    """`function` of every task, as many side by side as there are cores.
-
-    After an error or a Ctrl-C, tasks that have not begun are dropped, and the others are not waited for.
-    """
-    pool = ThreadPoolExecutor(cores(), thread_name_prefix="diagnosis")
-    try:
-        return list(pool.map(function, tasks))
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+def _loss(candidate: Candidate) -> float:
+    return candidate.evidence.loss
 
 
 def fold_count(problem: Problem) -> int:
@@ -223,9 +228,20 @@ class Folds:
         self.block = blocks(len(problem.rows), problem.samples, int(problem.period))
         number = int(self.block.max()) + 1
         self.count = fold_count(problem)
+        self.readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
         order = np.argsort(-_extent(problem, self.block), kind="stable")
         self.fold_of = np.empty(number, dtype=int)
         self.fold_of[order] = np.arange(number) % self.count
+
+    def losses(self, bench: Workbench, model: AbstractActuator) -> Losses:
+        """Losses of `model` as it is on all blocks, fold by fold."""
+        residuals = bench.residuals(model, self.problem)
+        parts = (np.flatnonzero(self.fold_of == fold) for fold in range(self.count))
+        return np.concatenate([block_losses(residuals, self.problem.weights, self.block, p) for p in parts])
+
+    def squares(self, bench: Workbench, model: AbstractActuator) -> float:
+        """Sum of the squared weighted residuals of `model` beyond what noise leaves, 1 for each reading."""
+        return 2 * bench.cost(model, self.problem) - self.readings
 
     def judged(
         self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int

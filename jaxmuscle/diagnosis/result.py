@@ -50,6 +50,8 @@ class Alternative:
 
     `loss`: typical mean square of its weighted residuals on unseen windows, 1 being the sensors' noise.
     `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
+    `judged`: whether it was tried on unseen windows; one that was not counts as told apart, and its gain,
+    p-value and loss are those on the windows that it was fitted to, where it removed too little.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Alternative:
     p_value: float
     loss: float
     told_apart: bool
+    judged: bool = True
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,7 +18,7 @@ from jaxmuscle.effects.base import (
     AbstractRateEffect,
     AbstractStaticEffect,
 )
-from jaxmuscle.hysteresis.operators import play
+from jaxmuscle.hysteresis.operators import play, stop
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MUSCLE_FORCE, Signals
 
@@ -162,9 +162,9 @@ class LengthHysteresis(AbstractMemoryEffect):
 
     def value(self, memory: Array, signals: Signals) -> Array:
         strain = signals.muscle.strain(signals.contraction)[..., None]
-        stops = strain - play(memory, strain, THRESHOLDS)
+        stops = stop(memory, strain, THRESHOLDS)
         density = jnp.exp(-THRESHOLDS / self.density_width)
-        loop = (stops * density).sum(-1) / (THRESHOLDS * density).sum()
+        loop = stops @ density / (THRESHOLDS @ density)
         scale = jnp.pi * signals.muscle.initial_radius**2 * signals.gauge_pressure
         return -self.weight * scale * loop * (1 + self.asymmetry * loop)
 

@@ -61,7 +61,8 @@ class Objective:
         width: points that are evaluated in one program; any number of them is, in parts.
         movable: paths among which the unknowns are chosen, so that one program serves every choice of at
             most `tangents` of them; `None` for a program of these unknowns alone.
-        tangents: derivatives that such a program takes at a time; what is not used of them are zeros.
+        tangents: derivatives that such a program takes at a time, at least one; what is not used of them
+            are zeros.
     """
 
     stations: Sequence[Station]
@@ -163,10 +164,14 @@ class Objective:
         theta = np.array([float(get(station.actuator, path)) for path in movable])
         places = np.array([movable.index(path) for path in paths], dtype=np.int64)
         theta[places] = values
-        tangents = self.tangents * max(1, -(-len(places) // max(self.tangents, 1)))
-        chosen = np.full(max(tangents, len(places)), len(movable))
-        chosen[: len(places)] = places
-        r, slopes = values_and_chosen_slopes(
-            jnp.asarray(theta), jnp.asarray(chosen), station.actuator, station.problem, movable
-        )  # pyright: ignore[reportGeneralTypeIssues]
-        return np.asarray(r), np.asarray(slopes)[: len(places)]
+        parts = max(1, -(-len(places) // self.tangents))
+        chosen = np.full((parts, self.tangents), len(movable))
+        chosen.flat[: len(places)] = places
+        found = [
+            values_and_chosen_slopes(
+                jnp.asarray(theta), jnp.asarray(part), station.actuator, station.problem, movable
+            )  # pyright: ignore[reportGeneralTypeIssues]
+            for part in chosen
+        ]
+        slopes = np.concatenate([np.asarray(part) for _, part in found])
+        return np.asarray(found[0][0]), slopes[: len(places)]

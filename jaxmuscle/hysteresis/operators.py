@@ -77,15 +77,17 @@ def play(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
         value: v, the input now.
         threshold: half-widths r ≥ 0.
     """
-    return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
+    # By comparisons and not by max and min: derivatives then are chosen, too, and not weighted.
+    lowest, highest = value - threshold, value + threshold
+    return jnp.where(memory < lowest, lowest, jnp.where(memory > highest, highest, memory))
 
 
 def stop(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
-    r"""Stop operator, what the play leaves of its input: :math:`E = v - F`, from -r to r.
+    r"""Stop operator, what the play leaves of its input: :math:`E = v - F = \max(-r, \min(r, v - F^-))`.
 
     `memory` is that of the play operator.
     """
-    return value - play(memory, value, threshold)
+    return jnp.clip(value - memory, -threshold, threshold)
 
 
 def enveloped_play(

@@ -219,11 +219,12 @@ def ranking_figure(search: Round) -> Figure:
     axes = drawing.add_subplot()
     places = np.arange(len(best))[::-1]
     for place, candidate in zip(places, best, strict=True):
-        gain, added = max(candidate.gain, 0.0), candidate.name == search.added
+        gain, added = max(candidate.gain, 0.0) * candidate.judged, candidate.name == search.added
         tied = search.added is not None and not added and not candidate.told_apart
         colour = AFTER if added else "#eeb79f" if tied else "#c9ced6"
         axes.barh(place, gain, height=0.62, color=colour)
         note = f"{percent(candidate.gain)}" if candidate.gain > 0 else "none: worse than without"
+        note = note if candidate.judged else "not tried: explains too little where it is fitted"
         note += ", added" if added else ", not told apart from the best" if tied else ""
         axes.text(gain + 0.008, place, note, va="center", fontsize=9.5, color=INK if added or tied else MUTED)
     axes.set_yticks(places, [words(candidate.name) for candidate in best])

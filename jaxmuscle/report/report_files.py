@@ -30,7 +30,11 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             "verdict": diagnosis.verdict,
             "effects": [_effect(effect) for effect in diagnosis.effects],
             "alternatives": [
-                {"name": other.name, "held_out_gain": other.gain, "told_apart": other.told_apart}
+                {
+                    "name": other.name,
+                    "held_out_gain": other.gain if other.judged else None,
+                    "told_apart": other.told_apart,
+                }
                 for other in diagnosis.alternatives
             ],
             "before": _errors(diagnosis.before),

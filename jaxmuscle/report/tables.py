@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.result import Diagnosis, Estimate, Round
+from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, Round
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.schema import Quantity
@@ -112,19 +112,23 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 def ranking(search: Round) -> list[dict[str, str]]:
     """The candidates of one search, best first."""
 
-    def outcome(name: str, told_apart: bool) -> str:
+    def outcome(candidate: Alternative) -> str:
+        if not candidate.judged:
+            return "explains too little where it is fitted"
         if search.added is None:
             return ""
-        return "added" if name == search.added else "worse" if told_apart else "not told apart"
+        if candidate.name == search.added:
+            return "added"
+        return "worse" if candidate.told_apart else "not told apart"
 
     return [
         {
             "name": words(candidate.name),
             "signal": words(candidate.signal),
-            "gain": formatting.percent(candidate.gain),
-            "p": formatting.probability(candidate.p_value),
-            "loss": formatting.rounded(candidate.loss, 3),
-            "outcome": outcome(candidate.name, candidate.told_apart),
+            "gain": formatting.percent(candidate.gain) if candidate.judged else "",
+            "p": formatting.probability(candidate.p_value) if candidate.judged else "",
+            "loss": formatting.rounded(candidate.loss, 3) if candidate.judged else "",
+            "outcome": outcome(candidate),
         }
         for candidate in search.ranking
     ]

@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.effects.base import States, updated_memories
 from jaxmuscle.signals import Past
+from jaxmuscle.simulation.linearised_scan import linearised_scan
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
 from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest
@@ -139,6 +140,7 @@ def run(
     method: str | None = None,
     tolerance: Float[Array, ""] | None = None,
     feedback: Feedback | None = None,
+    linearised: bool = False,
 ) -> Run:
     """Simulate `samples` samples from `row` on, the states `imposed` following the measured ones.
 
@@ -152,6 +154,8 @@ def run(
         tolerance: of steps under error control (:func:`jaxmuscle.simulation.stepping.in_controlled_steps`).
         feedback: a controller whose commands take the place of the track's. At a sample it is shown
             readings under the command that was held so far (at the first, the track's).
+        linearised: compute derivatives apart from values, for forward mode with several tangents, see
+            :func:`~jaxmuscle.simulation.linearised_scan.linearised_scan`.
 
     Returns:
         readings, kept states and commands, each with a leading axis of `samples`.
@@ -159,7 +163,7 @@ def run(
     free = {name: value for name, value in start.state.items() if name not in imposed}
     width = track.step / substeps
     solver = method_for(actuator, start.state, free, width, method)
-    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free))
+    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), remade=not linearised)
 
     def sample(carry: Carry, at: Sample):
         own, memory, course, loop = carry
@@ -194,8 +198,9 @@ def run(
         if feedback is None
         else Loop(feedback.start, track.command[row], track.command if late else None),
     )
-    _, found = jax.lax.scan(sample, begin, _known(track, row, samples, imposed))
-    return Run(*found)
+    scan = linearised_scan if linearised else jax.lax.scan
+    _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
+    return Run(readings, states, commands)
 
 
 def _under(loop: Loop, interval: Interval, track: Track, row: Array) -> tuple[Interval, Loop]:
@@ -232,7 +237,12 @@ def _fresh_where(begins: Array, fresh: Start, own: State, memory: States) -> tup
 
 
 def observe(
-    actuator: AbstractActuator, track: Track, samples: int, substeps: int = 1, start: Start | None = None
+    actuator: AbstractActuator,
+    track: Track,
+    samples: int,
+    substeps: int = 1,
+    start: Start | None = None,
+    linearised: bool = False,
 ) -> Start:
     """The states that are not measured, carried along the whole track by the measured ones.
 
@@ -244,7 +254,15 @@ def observe(
     hidden = tuple(name for name in start.state if name not in imposed)
     row = jnp.asarray(0)
     return run(
-        actuator, track, start, row, samples=samples, imposed=imposed, substeps=substeps, keep=hidden
+        actuator,
+        track,
+        start,
+        row,
+        samples=samples,
+        imposed=imposed,
+        substeps=substeps,
+        keep=hidden,
+        linearised=linearised,
     ).states
 
 
@@ -258,6 +276,7 @@ def predict(
     substeps: int,
     hidden: Start,
     period: Int[Array, ""] | None = None,
+    linearised: bool = False,
 ) -> dict[str, Array]:
     """Readings of windows of `samples` samples, each started at its row from the measured state.
 
@@ -276,6 +295,7 @@ def predict(
             imposed=imposed,
             substeps=substeps,
             restarts=None if period is None else restarts,
+            linearised=linearised,
         ).readings
 
     return jax.vmap(window)(rows)

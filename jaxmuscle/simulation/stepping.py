@@ -7,7 +7,6 @@ step, without error of their own. The command is held between samples, so each s
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -32,6 +31,7 @@ class Plan(eqx.Module):
         width: length of one of them [s].
         tolerance: of steps under error control; `None` for fixed ones.
         rates: state → whether it is the rate of another.
+        remade: whether reverse mode computes fixed steps again rather than keep what each operation gave.
     """
 
     solver: Any
@@ -39,13 +39,12 @@ class Plan(eqx.Module):
     width: Array
     tolerance: Float[Array, ""] | None
     rates: Any
+    remade: bool = eqx.field(static=True, default=True)
 
 
 def in_fixed_steps(plan: Plan, field: Field, finish: Finish, state: Any, memory: Any) -> tuple[Any, Any]:
     """From a sample to the next in steps of one length."""
 
-    # Reverse mode computes a step again rather than write down what every operation of it gave.
-    @partial(jax.checkpoint, prevent_cse=False)
     def substep(begin: Array, carry: tuple[Any, Any]) -> tuple[Any, Any]:
         state, memory = carry
         end = begin + plan.width
@@ -53,6 +52,8 @@ def in_fixed_steps(plan: Plan, field: Field, finish: Finish, state: Any, memory:
             state, _ = step(plan.solver, field(memory), begin, end, state)
         return finish(state, memory, end, plan.width)
 
+    if plan.remade:
+        substep = jax.checkpoint(substep, prevent_cse=False)
     if isinstance(plan.substeps, Array):
         onward = lambda i, carry: substep(i * plan.width, carry)  # noqa: E731
         return jax.lax.fori_loop(0, plan.substeps, onward, (state, memory))

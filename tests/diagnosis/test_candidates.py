@@ -3,6 +3,8 @@
 Few structures, and fits of any number of parameters.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from oracles import bench
@@ -127,9 +129,12 @@ def test_states_are_carried_only_where_they_are_wanted(tools):
     assert stateful == {"creep", "force_sensor_lag", "length_hysteresis"}
     assert set(tools.model.effects) == offered - stateful
     creeping = tools.dressed(tools.model, ["creep", "bladder_stiffness"])
-    assert set(creeping.effects) == {*tools.model.effects, "creep"}
-    kept = tools.dressed(replace(creeping, {"effects.creep.stiffness": 7.0}), ["creep"])
+    # One structure for all candidates with a state: those that are not wanted are at zero strength.
+    assert set(creeping.effects) == {*tools.model.effects, *stateful}
+    strong = replace(creeping, {"effects.creep.stiffness": 7.0, "effects.length_hysteresis.weight": 0.1})
+    kept = tools.dressed(strong, ["creep"])
     assert float(get(kept, "effects.creep.stiffness")) == 7.0
+    assert float(get(kept, "effects.length_hysteresis.weight")) == 0.0
     assert set(tools.dressed(kept, []).effects) == set(tools.model.effects)
 
 
@@ -145,6 +150,9 @@ def test_a_fit_of_more_parameters_than_fits_are_laid_out_for(prepared, tools):
     names = ["thread_friction", "bladder_stiffness", "bladder_hoop_stiffness", "pressure_dependent_ends"]
     free = tools.free_paths(tools.dressed(tools.model, names), names)
     assert len(free) == tools.width + 1 == len(prepared.priors) + SPARE + 1
+    _, slopes = tools.jacobian(tools.model, prepared.training, free, names)
+    wide = dataclasses.replace(tools, width=len(free))
+    np.testing.assert_allclose(slopes, wide.jacobian(tools.model, prepared.training, free, names)[1])
     before = tools.cost(tools.model, prepared.training)
     model, lane = tools.fit(tools.model, names, prepared.training, 15)
     assert np.isfinite(lane.cost)

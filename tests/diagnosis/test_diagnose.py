@@ -77,8 +77,10 @@ def test_lift_runners_up(lift):
     names = [alternative.name for alternative in diagnosis.alternatives]
     offered = {effect.name for effect in bench.offered("isotonic")}
     assert set(names) == offered - {"thread_friction", "load_friction"}
-    losses = [alternative.loss for alternative in diagnosis.alternatives]
-    assert losses == sorted(losses)
+    judged = [alternative.judged for alternative in diagnosis.alternatives]
+    assert judged == sorted(judged, reverse=True), "those that were tried on unseen windows come first"
+    losses = [alternative.loss for alternative in diagnosis.alternatives if alternative.judged]
+    assert len(losses) > 1 and losses == sorted(losses)
     assert losses[0] > diagnosis.rounds[0].ranking[0].loss
     assert all(alternative.told_apart for alternative in diagnosis.alternatives)
     assert any("load_friction" in str(message) for message in messages)
@@ -146,37 +148,38 @@ def test_practice_recordings(shared, name, effect):
 
 
 @pytest.mark.parametrize(
-    ("loss", "gain", "p_value", "accepted"),
+    ("loss", "gain", "p_value", "found", "accepted"),
     [
-        (1.5, 0.15, 0.009, True),
-        (1.5, 0.09, 1e-6, False),
-        (1.5, 0.9, 0.011, False),
+        (1.5, 0.15, 0.009, 0, True),
+        (1.5, 0.09, 1e-6, 0, False),
+        (1.5, 0.9, 0.011, 0, False),
+        # Every further effect is another chance to be misled.
+        (1.5, 0.15, 0.004, 1, True),
+        (1.5, 0.15, 0.006, 1, False),
+        (1.5, 0.15, 0.003, 2, False),
         # Few windows miss something: most of that has to go, and the p-value counts both candidates.
-        (1.05, 0.9, 0.004, True),
-        (1.05, 0.9, 0.006, False),
-        (1.05, 0.4, 1e-6, False),
+        (1.05, 0.9, 0.004, 0, True),
+        (1.05, 0.9, 0.006, 0, False),
+        (1.05, 0.4, 1e-6, 0, False),
     ],
 )
-def test_what_supports_an_effect(loss, gain, p_value, accepted):
+def test_what_supports_an_effect(loss, gain, p_value, found, accepted):
     def candidate(gain, p_value):
         return Candidate(LoadFriction, Evidence(gain, p_value, loss), np.zeros(1), None, ())  # pyright: ignore
 
     best = candidate(gain, p_value)
     ranking = Ranking(loss, (), (best, candidate(0.0, 1.0)))
-    assert _supported(ranking) is (best if accepted else None)
+    assert _supported(ranking, found) is (best if accepted else None)
 
 
-@pytest.mark.parametrize(("losses", "added"), [((1.0, 1.0), True), ((0.2, 1.0), False)])
-def test_supported_one_of_two_that_are_as_good(losses, added):
-    """The best by a hair lacks support by itself; the other one has it, and is told apart from it or not."""
+def test_the_best_candidate_or_none():
+    """A runner-up whose p-value is small enough does not take the place of a best one without support."""
 
-    def candidate(p_value, loss):
-        spread = loss + 1e-3 * np.arange(12.0)
-        return Candidate(LoadFriction, Evidence(0.2, p_value, loss), spread, None, ())  # pyright: ignore
+    def candidate(p_value):
+        return Candidate(LoadFriction, Evidence(0.2, p_value, 1.0), np.zeros(12), None, ())  # pyright: ignore
 
-    best, other = candidate(0.013, 1.0 + losses[0]), candidate(0.009, 1.0 + losses[1])
-    assert _supported(Ranking(5.0, (), (best, other))) is (other if added else None)
+    assert _supported(Ranking(5.0, (), (candidate(0.013), candidate(0.009))), 0) is None
 
 
 def test_nothing_to_choose_from_supports_nothing():
-    assert _supported(Ranking(5.0, (), ())) is None
+    assert _supported(Ranking(5.0, (), ()), 0) is None

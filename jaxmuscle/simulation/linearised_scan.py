@@ -1,0 +1,85 @@
+"""A scan that linearises its body at every iteration, for Jacobians in forward mode with several tangents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import add
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
+from jaxtyping import Array
+
+Body = Callable[[Any, Any], tuple[Any, Any]]
+
+
+def linearised_scan(body: Body, begin: Any, inputs: Any) -> tuple[Any, Any]:
+    r"""`jax.lax.scan` whose derivatives are computed apart from its values.
+
+    Forward mode pairs :math:`y = f(x)` with :math:`\dot y = f'(x)\,\dot x` for each of several tangents. XLA
+    merges both into loops over the tangents, which compute what :math:`f'(x)` is made of, square roots and
+    quotients, anew for every tangent. Here :math:`f'(x)` is computed once an iteration and held apart by a
+    barrier; tangents are multiplied by it and added. Measured on the Jacobian of an antagonistic joint
+    (14,000 samples, nine tangents): 33 ms where the plain scan takes 76 ms; it takes 4.5 s to compile
+    instead of 3 s.
+
+    Values and derivatives are those of the plain scan up to rounding. Reverse mode is possible and keeps
+    every intermediate result of every iteration: use the plain scan for it.
+
+    Args:
+        body: (carry, input) → (carry, output), trees of arrays; it may use traced values from outside.
+        begin: the first carry.
+        inputs: trees of arrays whose leading axis is that of the iterations.
+    """
+    first = jax.tree.map(lambda values: values[0], inputs)
+    closed, shapes = jax.make_jaxpr(body, return_shape=True)(begin, first)
+    outer = list(closed.consts)
+    apart = _linearised(closed, len(outer))
+    form = jax.tree.structure(shapes)
+
+    def iteration(carry: Any, here: Any) -> tuple[Any, Any]:
+        return jax.tree.unflatten(form, apart(*outer, *jax.tree.leaves((carry, here))))
+
+    return jax.lax.scan(iteration, _depending(begin, outer), inputs)
+
+
+def _linearised(closed: ClosedJaxpr, outer: int) -> Callable[..., Sequence[Array]]:
+    """The function of a jaxpr with its `outer` constants as first arguments, linearised for derivatives."""
+
+    def plain(*leaves: Array) -> Sequence[Array]:
+        return jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, leaves[:outer]))(*leaves[outer:])
+
+    def pushed(leaves: Sequence[Array], tangents: Sequence[Any]) -> tuple[Any, Any]:
+        moving = [i for i, tangent in enumerate(tangents) if not isinstance(tangent, SymbolicZero)]
+
+        def moved(*some: Array) -> Sequence[Array]:
+            whole = list(leaves)
+            for i, leaf in zip(moving, some, strict=True):
+                whole[i] = leaf
+            return plain(*whole)
+
+        values, derivative = jax.linearize(moved, *(leaves[i] for i in moving))
+        derivative = jax.lax.optimization_barrier(derivative)
+        return values, derivative(*(tangents[i] for i in moving))
+
+    apart = jax.custom_jvp(plain)
+    apart.defjvp(pushed, symbolic_zeros=True)
+    return apart
+
+
+def _depending(begin: Any, outer: Sequence[Array]) -> Any:
+    """The first carry, unchanged in value, as a function of every number that the body uses from outside.
+
+    It then has a tangent for each of them, if only zeros, and JAX need not trace the body a second time to
+    see that the carry gets one: tracing takes 2.2 s instead of 3.7 s.
+    """
+    numbers = [x for x in outer if jnp.ndim(x) == 0 and jnp.issubdtype(x.dtype, jnp.floating)]
+    if not numbers:
+        return begin
+    # Chosen, not multiplied by zero: a number may be infinite.
+    nothing = reduce(add, (jnp.where(jnp.zeros((), bool), x, 0.0) for x in numbers))
+    floating = lambda leaf: jnp.issubdtype(leaf.dtype, jnp.floating)  # noqa: E731
+    return jax.tree.map(lambda leaf: leaf + nothing if floating(leaf) else leaf, begin)
