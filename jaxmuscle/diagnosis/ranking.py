@@ -1,7 +1,6 @@
 """Ranking of candidate effects by cross-validation: fitted on some windows, judged on the others.
 
-In seconds of the sample `lift` on two cores, from nothing compiled; most of it is compilation, so that what
-has been compiled in an earlier round is far less. Other rigs take longer in all parts alike.
+Work is counted in seconds of the sample `lift` on two cores, from nothing compiled.
 """
 
 from __future__ import annotations
@@ -29,29 +28,27 @@ from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
 
-DECLARED = 8.0
-"""First fit of the declared model; two more, which cost next to nothing then."""
+DECLARED = 13.0
+"""First fit of the declared model, and all that a search runs compiled beside it; two more fits."""
 CONCLUSION = 8.0
-"""Held-out predictions, standard deviations, what is unexplained."""
-SEARCH, SEARCH_WITH_STATE = 0.8, 14.0
-"""Search of one candidate; one with a state of its own has to be compiled for itself."""
-COMPILED = 0.2
-"""Part of that when its programs are there."""
-SEARCH_STEPS = (0.7, 0.1, 0.1, 0.1)
-"""Parts of a search: first start, short fit from it, second start, fits to the end. The first is compiled."""
-JUDGEMENT = 0.25
+"""Last fit, held-out predictions, what is unexplained: half of it is compilation."""
+SEARCH, SEARCH_WITH_STATE = 0.2, 0.8
+"""Search of one candidate, and of one with a state of its own."""
+SEARCH_STEPS = (0.2, 0.3, 0.2, 0.3)
+"""Parts of a search: first start, short fit from it, second start, fits to the end."""
+JUDGEMENT = 0.07
 """A fit to one fold, and its judgement."""
-REFIT = 0.5
+REFIT = 0.1
 
 
-def search_work(effect: type[AbstractEffect], again: bool) -> float:
-    """Work of the search of one candidate, in the first round or `again` in a later one."""
-    return (SEARCH_WITH_STATE if carries_state(effect) else SEARCH) * (COMPILED if again else 1.0)
+def search_work(effect: type[AbstractEffect]) -> float:
+    """Work of the search of one candidate."""
+    return SEARCH_WITH_STATE if carries_state(effect) else SEARCH
 
 
-def round_work(effects: Sequence[type[AbstractEffect]], folds: int, again: bool) -> float:
+def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
     """Work of a round that tries `effects` and judges them, and the model without them, on `folds` folds."""
-    searched = sum(search_work(effect, again) for effect in effects)
+    searched = sum(search_work(effect) for effect in effects)
     return searched + JUDGEMENT * folds * (len(effects) + 1)
 
 
@@ -74,7 +71,7 @@ def search(
     of its own. Each begins where the cost is least among several strengths of several shapes.
     """
     names = [*accepted, effect.name]
-    work, parts, fits = search_work(effect, again=bool(accepted)), iter(SEARCH_STEPS), []
+    work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
     for base in (model, bench.with_card_values(model)):
         begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
         meter.did(next(parts) * work, f"trying {effect.name}")
@@ -178,7 +175,7 @@ def rank(
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
     folds = Folds(problem)
     if accepted:
-        meter.expect(round_work(rest, folds.count, again=True))
+        meter.expect(round_work(rest, folds.count))
     searched = on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
     present = bench.fit(model, accepted, problem, STEPS)[0]
     fitted, squares = folds.losses(bench, present), folds.squares(bench, present)

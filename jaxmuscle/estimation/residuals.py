@@ -217,11 +217,13 @@ def values_and_slopes(
     return jax.vmap(lane)(thetas)
 
 
-MANY_WINDOWS = 16
-"""Windows from which derivatives are computed apart from values in a program that serves many fits.
+SIDE_BY_SIDE = 64
+"""Numbers predicted side by side, windows times readings, from which derivatives are computed apart from
+values in a program that serves many fits.
 
-That takes half as long again to compile. Nine tangents of 28 windows of a joint take 33 ms where they took
-76 ms; of nine windows of a lifted mass 8.2 ms where they took 9.3 ms.
+That takes twice as long to compile. Twelve tangents of 84 numbers (a joint in 28 windows) take 38 ms where
+they took 98 ms. With 56 (a lifted mass in 28 windows) a diagnosis compiles 18 s instead of 9 s, two cores
+counted both, and saves 1 s of runs.
 """
 
 
@@ -243,7 +245,7 @@ def values_and_chosen_slopes(
         chosen: positions of the values along which derivatives are taken; one behind the last value asks
             for none and gives zeros.
     """
-    linearised = len(problem.rows) >= MANY_WINDOWS
+    linearised = sum(w[:, 0].size for w in problem.weights.values()) >= SIDE_BY_SIDE
 
     def residuals(values: Array) -> Array:
         return residual_vector(values, actuator, problem, paths, linearised=linearised)
