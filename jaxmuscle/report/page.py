@@ -78,6 +78,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "parameters": tables.fitted(diagnosis),
         "unexplained": tables.unexplained(diagnosis),
         "rivals": formatting.listed(rivals) if (rivals := indistinguishable(diagnosis)) else "",
+        "untried": any(not other.judged for other in diagnosis.alternatives),
         "correlation": tables.correlation(pair, STRONG),
         "versions": versions(),
         "settings": {name: _setting(value) for name, value in diagnosis.settings.items()},

@@ -48,6 +48,20 @@ def test_page_says_what_the_verdict_means(verdict: str, told: str) -> None:
     assert told in page(diagnosis(verdict))
 
 
+def test_page_tells_candidates_that_were_not_tried_on_unseen_windows() -> None:
+    outcome, told = (
+        diagnosis("effects found"),
+        "explains too little even of the windows that it was fitted to",
+    )
+    assert told not in page(outcome)
+    first = outcome.rounds[0]
+    untried = dataclasses.replace(first.ranking[-1], judged=False)
+    search = dataclasses.replace(first, ranking=(*first.ranking[:-1], untried))
+    text = page(dataclasses.replace(outcome, rounds=(search, *outcome.rounds[1:])))
+    assert told in text
+    assert "explains too little where it is fitted" in text
+
+
 def test_page_tells_provenance() -> None:
     outcome = diagnosis("effects found")
     text = page(outcome)
