@@ -44,6 +44,7 @@ ON_THE_SIDE = {
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
     "progress": set(),
+    "parallel": {"_config"},
 }
 """Data, settings and mathematics that any may import, and what they may import themselves."""
 MINIMISER = {
