@@ -77,9 +77,7 @@ def play(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
         value: v, the input now.
         threshold: half-widths r ≥ 0.
     """
-    # By comparisons and not by max and min: derivatives then are chosen, too, and not weighted.
-    lowest, highest = value - threshold, value + threshold
-    return jnp.where(memory < lowest, lowest, jnp.where(memory > highest, highest, memory))
+    return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
 
 
 def stop(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
