@@ -188,19 +188,22 @@ def run(
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
         return Carry(own, memory, course, loop), (readings, kept, interval.command)
 
-    # Without a delay the table would make the loop larger and its cotangent dense, for nothing.
-    late = any("past" in effect.reads for effect in actuator.effects.values())
-    begin = Carry(
-        free,
-        start.memory,
-        None if tolerance is None else begin_course(width, free),
-        None
-        if feedback is None
-        else Loop(feedback.start, track.command[row], track.command if late else None),
-    )
+    steps = None if tolerance is None else begin_course(width, free)
+    begin = Carry(free, start.memory, steps, _first_loop(actuator, track, row, feedback))
     scan = linearised_scan if linearised else jax.lax.scan
     _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
     return Run(readings, states, commands)
+
+
+def _first_loop(
+    actuator: AbstractActuator, track: Track, row: Array, feedback: Feedback | None
+) -> Loop | None:
+    """The controller at the first sample, the track's command held; `None` without a controller."""
+    if feedback is None:
+        return None
+    # Without a delay the table would make the loop larger and its cotangent dense, for nothing.
+    late = any("past" in effect.reads for effect in actuator.effects.values())
+    return Loop(feedback.start, track.command[row], track.command if late else None)
 
 
 def _under(loop: Loop, interval: Interval, track: Track, row: Array) -> tuple[Interval, Loop]:
