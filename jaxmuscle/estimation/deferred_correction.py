@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.residuals import residual_vector
+from jaxmuscle.estimation.residuals import Stepping, residual_vector
 
 RICHARDSON = 4 / 3
 """Error of a second-order method in the change that halving its steps makes."""
@@ -26,7 +26,7 @@ CONVERGING = 0.4
 @eqx.filter_jit
 def _residuals(theta, actuator, problem, paths, times):
     """Residuals with `times` as many steps; one compilation for all of them."""
-    return residual_vector(theta, actuator, problem, paths, problem.substeps * times)
+    return residual_vector(theta, actuator, problem, paths, Stepping(problem.substeps * times))
 
 
 def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[np.ndarray, "k k"]) -> Objective:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,20 +23,32 @@ from jaxmuscle.estimation.windows import Problem, Residuals
 from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace, split_index
 from jaxmuscle.simulation import Start, observe, predict, start_at_rest, with_states
+from jaxmuscle.simulation.run import Derivatives
 
 
-def link_predictions(
-    actuator: AbstractActuator, problem: Problem, substeps: int | Array | None = None
-) -> Residuals:
-    """Every output predicted by its own link, the inputs of the link as measured.
+class Stepping(NamedTuple):
+    """How simulations are stepped where it matters: for fewer errors of the solver, or for derivatives.
 
-    Args:
+    Attributes:
         substeps: solver steps between two samples; the problem's when `None`.
+        derivatives: what the simulations are laid out for.
     """
-    hidden = hidden_states(actuator, problem, substeps)
-    return {
-        link.output: link_prediction(actuator, problem, link, hidden, substeps) for link in actuator.links
-    }
+
+    substeps: int | Array | None = None
+    derivatives: Derivatives = "any"
+
+    def between_samples(self, problem: Problem) -> Any:
+        """Solver steps between two samples of `problem`."""
+        return problem.substeps if self.substeps is None else self.substeps
+
+
+USUAL = Stepping()
+
+
+def link_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
+    """Every output predicted by its own link, the inputs of the link as measured."""
+    hidden = hidden_states(actuator, problem)
+    return {link.output: link_prediction(actuator, problem, link, hidden) for link in actuator.links}
 
 
 def link_prediction(
@@ -44,36 +56,29 @@ def link_prediction(
     problem: Problem,
     link: Link,
     hidden: Start,
-    substeps: int | Array | None = None,
-    linearised: bool = False,
+    stepping: Stepping = USUAL,
 ) -> Array:
     """The output of one link, its inputs as measured and the states that are not from `hidden`."""
-    steps: Any = problem.substeps if substeps is None else substeps
     return predict(
         actuator,
         _begun(problem).track,
         problem.rows,
         samples=problem.samples,
         imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
-        substeps=steps,
+        substeps=stepping.between_samples(problem),
         hidden=hidden,
         period=problem.period,
-        linearised=linearised,
+        derivatives=stepping.derivatives,
     )[link.output]
 
 
-def hidden_states(
-    actuator: AbstractActuator,
-    problem: Problem,
-    substeps: int | Array | None = None,
-    linearised: bool = False,
-) -> Start:
+def hidden_states(actuator: AbstractActuator, problem: Problem, stepping: Stepping = USUAL) -> Start:
     """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
-    steps: Any = problem.substeps if substeps is None else substeps
     track = _begun(problem).track
     own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
     start = with_states(start_at_rest(actuator, track), own)
-    return observe(actuator, track, problem.total, steps, start, linearised)
+    steps = stepping.between_samples(problem)
+    return observe(actuator, track, problem.total, steps, start, stepping.derivatives)
 
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
@@ -150,20 +155,12 @@ def residual_vector(
     actuator: AbstractActuator,
     problem: Problem,
     paths: Sequence[str],
-    substeps: int | Array | None = None,
-    linearised: bool = False,
+    stepping: Stepping = USUAL,
 ) -> Float[Array, " residuals"]:
-    """Weighted residuals of all links, one after the other; what is not a number is left as it is.
-
-    Args:
-        substeps: solver steps between two samples; the problem's when `None`.
-        linearised: for several tangents in forward mode, see :func:`jaxmuscle.simulation.run.run`.
-    """
+    """Weighted residuals of all links, one after the other; what is not a number is left as it is."""
     machine, shifted = moved(actuator, problem, paths, list(theta))
-    hidden = hidden_states(machine, shifted, substeps, linearised)
-    return jnp.concatenate(
-        [_weighted(machine, shifted, link, hidden, substeps, linearised) for link in actuator.links]
-    )
+    hidden = hidden_states(machine, shifted, stepping)
+    return jnp.concatenate([_weighted(machine, shifted, link, hidden, stepping) for link in actuator.links])
 
 
 def _weighted(
@@ -171,11 +168,10 @@ def _weighted(
     problem: Problem,
     link: Link,
     hidden: Start,
-    substeps: int | Array | None = None,
-    linearised: bool = False,
+    stepping: Stepping = USUAL,
 ) -> Float[Array, " residuals"]:
     weight = problem.weights[link.output]
-    predicted = link_prediction(machine, problem, link, hidden, substeps, linearised)
+    predicted = link_prediction(machine, problem, link, hidden, stepping)
     return jnp.where(weight > 0, (predicted - problem.targets[link.output]) * weight, 0.0).ravel()
 
 
@@ -245,10 +241,11 @@ def values_and_chosen_slopes(
         chosen: positions of the values along which derivatives are taken; one behind the last value asks
             for none and gives zeros.
     """
-    linearised = sum(w[:, 0].size for w in problem.weights.values()) >= SIDE_BY_SIDE
+    many = sum(w[:, 0].size for w in problem.weights.values()) >= SIDE_BY_SIDE
+    stepping = Stepping(derivatives="linearised" if many else "forward")
 
     def residuals(values: Array) -> Array:
-        return residual_vector(values, actuator, problem, paths, linearised=linearised)
+        return residual_vector(values, actuator, problem, paths, stepping)
 
     def pushed(direction: Array) -> tuple[Array, Array]:
         return jax.jvp(residuals, (theta,), (direction,))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,12 +22,16 @@ from jaxtyping import Array, Float, Int
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.effects.base import States, updated_memories
 from jaxmuscle.signals import Past
-from jaxmuscle.simulation.linearised_scan import linearised_scan
+from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
 from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest
 
 Readings = dict[str, Array]
+Derivatives = Literal["any", "forward", "linearised"]
+"""Derivatives that a run is laid out for: in either mode; in forward mode with several tangents, which is
+traced faster; and computed apart from the values, which runs faster where many numbers are predicted side by
+side, and compiles slower (:func:`jaxmuscle.simulation.forward_mode.linearised_scan`)."""
 
 
 class Feedback(eqx.Module):
@@ -140,7 +144,7 @@ def run(
     method: str | None = None,
     tolerance: Float[Array, ""] | None = None,
     feedback: Feedback | None = None,
-    linearised: bool = False,
+    derivatives: Derivatives = "any",
 ) -> Run:
     """Simulate `samples` samples from `row` on, the states `imposed` following the measured ones.
 
@@ -154,8 +158,7 @@ def run(
         tolerance: of steps under error control (:func:`jaxmuscle.simulation.stepping.in_controlled_steps`).
         feedback: a controller whose commands take the place of the track's. At a sample it is shown
             readings under the command that was held so far (at the first, the track's).
-        linearised: compute derivatives apart from values, for forward mode with several tangents, see
-            :func:`~jaxmuscle.simulation.linearised_scan.linearised_scan`.
+        derivatives: of the readings by numbers of the actuator, as they will be taken.
 
     Returns:
         readings, kept states and commands, each with a leading axis of `samples`.
@@ -163,7 +166,7 @@ def run(
     free = {name: value for name, value in start.state.items() if name not in imposed}
     width = track.step / substeps
     solver = method_for(actuator, start.state, free, width, method)
-    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), remade=not linearised)
+    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), remade=derivatives == "any")
 
     def sample(carry: Carry, at: Sample):
         own, memory, course, loop = carry
@@ -190,7 +193,9 @@ def run(
 
     steps = None if tolerance is None else begin_course(width, free)
     begin = Carry(free, start.memory, steps, _first_loop(actuator, track, row, feedback))
-    scan = linearised_scan if linearised else jax.lax.scan
+    if derivatives != "any":
+        begin = depending_on(actuator, begin)
+    scan = linearised_scan if derivatives == "linearised" else jax.lax.scan
     _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
     return Run(readings, states, commands)
 
@@ -245,7 +250,7 @@ def observe(
     samples: int,
     substeps: int = 1,
     start: Start | None = None,
-    linearised: bool = False,
+    derivatives: Derivatives = "any",
 ) -> Start:
     """The states that are not measured, carried along the whole track by the measured ones.
 
@@ -265,7 +270,7 @@ def observe(
         imposed=imposed,
         substeps=substeps,
         keep=hidden,
-        linearised=linearised,
+        derivatives=derivatives,
     ).states
 
 
@@ -279,7 +284,7 @@ def predict(
     substeps: int,
     hidden: Start,
     period: Int[Array, ""] | None = None,
-    linearised: bool = False,
+    derivatives: Derivatives = "any",
 ) -> dict[str, Array]:
     """Readings of windows of `samples` samples, each started at its row from the measured state.
 
@@ -298,7 +303,7 @@ def predict(
             imposed=imposed,
             substeps=substeps,
             restarts=None if period is None else restarts,
-            linearised=linearised,
+            derivatives=derivatives,
         ).readings
 
     return jax.vmap(window)(rows)

@@ -1,4 +1,4 @@
-"""A scan that linearises its body at every iteration, for Jacobians in forward mode with several tangents."""
+"""Scans for Jacobians in forward mode: traced once for all tangents, linearised at every iteration."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def linearised_scan(body: Body, begin: Any, inputs: Any) -> tuple[Any, Any]:
     def iteration(carry: Any, here: Any) -> tuple[Any, Any]:
         return jax.tree.unflatten(form, apart(*outer, *jax.tree.leaves((carry, here))))
 
-    return jax.lax.scan(iteration, _depending(begin, outer), inputs)
+    return jax.lax.scan(iteration, begin, inputs)
 
 
 def _linearised(closed: ClosedJaxpr, outer: int) -> Callable[..., Sequence[Array]]:
@@ -70,13 +70,15 @@ def _linearised(closed: ClosedJaxpr, outer: int) -> Callable[..., Sequence[Array
     return apart
 
 
-def _depending(begin: Any, outer: Sequence[Array]) -> Any:
-    """The first carry, unchanged in value, as a function of every number that the body uses from outside.
+def depending_on(values: Any, begin: Any) -> Any:
+    """The first carry of a scan, unchanged in value, as a function of every number among `values`.
 
-    It then has a tangent for each of them, if only zeros, and JAX need not trace the body a second time to
-    see that the carry gets one: tracing takes 2.2 s instead of 3.7 s.
+    It then has a tangent for each of them that has one, if only zeros. Where a body turns a carry without
+    a tangent into one with, JAX traces the body a second time for derivatives and again for several
+    tangents: tracing the Jacobian of a muscle that lifts a mass takes 1.7 s instead of 2.8 s.
     """
-    numbers = [x for x in outer if jnp.ndim(x) == 0 and jnp.issubdtype(x.dtype, jnp.floating)]
+    scalar = lambda x: jnp.ndim(x) == 0 and jnp.issubdtype(jnp.result_type(x), jnp.floating)  # noqa: E731
+    numbers = [x for x in jax.tree.leaves(values) if scalar(x)]
     if not numbers:
         return begin
     # Chosen, not multiplied by zero: a number may be infinite.

@@ -1,4 +1,4 @@
-"""A scan linearised at every iteration has values and derivatives of the plain scan, also in a machine."""
+"""Scans laid out for forward mode have values and derivatives of the plain scan, also in a machine."""
 
 import jax
 import jax.numpy as jnp
@@ -8,10 +8,10 @@ from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis.candidates import loaded, missing
 from jaxmuscle.effects import CATALOGUE
-from jaxmuscle.estimation.residuals import residual_vector
+from jaxmuscle.estimation.residuals import Stepping, residual_vector
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, parameters
-from jaxmuscle.simulation.linearised_scan import linearised_scan
+from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 
 INPUTS = jnp.linspace(-1.0, 2.0, 7)
 AT = jnp.array([0.7, -1.3, np.inf])
@@ -67,7 +67,21 @@ def test_inputs_that_move_and_nothing_from_outside():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_jacobian_of_a_machine_with_every_effect():
+def test_a_carry_that_depends_on_numbers_in_name_only():
+    begin = {"count": jnp.asarray(2), "level": jnp.asarray(0.5)}
+    values = {"a": jnp.asarray(np.inf), "b": jnp.asarray(np.nan), "table": jnp.ones(3), "c": 2.0}
+    assert depending_on(values, begin) == begin
+    assert depending_on({"table": jnp.ones(3)}, begin) is begin
+
+    def end(scale):
+        carry = depending_on({"scale": scale}, jnp.asarray(0.5))
+        return jax.lax.scan(lambda y, x: (y + scale * x, None), carry, INPUTS)[0]
+
+    np.testing.assert_allclose(jax.grad(end)(3.0), INPUTS.sum(), rtol=1e-14)
+
+
+@pytest.mark.parametrize("derivatives", ["forward", "linearised"])
+def test_jacobian_of_a_machine_with_every_effect(derivatives):
     """Residuals of the links and of the observer, with memories, creep and lags, by every parameter."""
     effects = {"pressure_dependent_ends": {"amplitude": 0.8}}
     prepared = case(driven_recording(effects, driven_card({})), 0.0)
@@ -77,11 +91,12 @@ def test_jacobian_of_a_machine_with_every_effect():
     # Strengths are zero: at others every effect acts.
     theta = theta + jnp.where(theta == 0, 0.02, 0.0)
 
-    def jacobian(linearised):
-        function = lambda t: residual_vector(t, machine, prepared.training, paths, linearised=linearised)  # noqa: E731
+    def jacobian(derivatives):
+        stepping = Stepping(derivatives=derivatives)
+        function = lambda t: residual_vector(t, machine, prepared.training, paths, stepping)  # noqa: E731
         return jax.jit(lambda t: (function(t), jax.jacfwd(function)(t)))(theta)
 
-    (values, slopes), (expected, exact) = jacobian(True), jacobian(False)
+    (values, slopes), (expected, exact) = jacobian(derivatives), jacobian("any")
     np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9)
     size = np.abs(np.asarray(exact)).max(axis=0)
     assert (size > 0).sum() > 10
