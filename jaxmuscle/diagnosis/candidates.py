@@ -15,11 +15,12 @@ from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, Abstrac
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
 from jaxmuscle.estimation.losses import Squares
-from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.parameter_layout import unknown_within
 from jaxmuscle.estimation.residuals import BROKEN, evaluate
 from jaxmuscle.estimation.windows import Case, Problem, Residuals
 from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Tolerances, descend
+from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import Parameter, get, parameters, replace
 
@@ -192,7 +193,11 @@ class Workbench:
             case.observed.spread,
         )
         unknowns = self.unknowns(model, paths, effects)
-        return Objective([station], unknowns, Squares(), 1, tuple(self.order(model)), self.width)
+        return Objective([station], unknowns, Squares(), program=self.program(model))
+
+    def program(self, model: AbstractActuator) -> SharedProgram:
+        """What evaluates every fit of models of one structure."""
+        return SharedProgram(tuple(self.order(model)), self.width)
 
     def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
         """`model` with its declared parameters back at the values of the card."""
@@ -202,23 +207,29 @@ class Workbench:
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
     ) -> tuple[AbstractActuator, Lane]:
         """The best of the fits that begin at several models."""
-        fits = [self.fit(start, effects, problem, steps) for start in starts]
+        fits = on_all_cores(lambda start: self.fit(start, effects, problem, steps), starts)
         return min(fits, key=lambda fit: fit[1].cost)
 
     def fit(
-        self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int
+        self,
+        model: AbstractActuator,
+        effects: Sequence[str],
+        problem: Problem,
+        steps: int,
+        slow: float = 0.0,
     ) -> tuple[AbstractActuator, Lane]:
         """`model` with its declared parameters and those of `effects` fitted to `problem`.
 
         A search compares costs that differ by more than the last steps to a minimum would lower them: a
-        descent ends when its next step is expected to lower the cost by less than :data:`FALL` of it.
+        descent ends when its next step is expected to lower the cost by less than :data:`FALL` of it, or
+        when several steps together have lowered it by less than `slow` of it.
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
         objective = self.objective(model, problem, paths, effects)
         unknowns, samples = objective.unknowns, objective.samples
         bounds = (unknowns.lower, unknowns.upper)
-        ends = Tolerances(fall=FALL)
+        ends = Tolerances(fall=FALL, slow=slow)
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
         (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane

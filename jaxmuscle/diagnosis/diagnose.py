@@ -34,7 +34,8 @@ from jaxmuscle.diagnosis.ranking import (
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, FoundEffect, Round, Traces
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.estimation.fit import FitResult, fit
+from jaxmuscle.estimation.fit import FitResult, Method, estimate
+from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
 from jaxmuscle.parallel import in_background
@@ -122,14 +123,19 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
 
 
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
-    """The found model fitted by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known."""
-    model = _lean(bench, outcome.model, names)
+    """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
+
+    It carries the other candidates at zero strength, so that the programs of the search serve it.
+    """
+    model = bench.dressed(outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
     if not free:
         return None
-    known = {path: (prior.mean, prior.std) for path, prior in priors.items()}
+    asked = Asked(free, priors=dict(priors))
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
-    return fit(model, case.recording, free, priors=known, masks=unused)
+    found = estimate(model, (case.recording,), asked, unused, Method(program=bench.program(model)))
+    lean = _lean(bench, found.actuator, names)
+    return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 
 
 def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:

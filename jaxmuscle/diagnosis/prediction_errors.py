@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.result import Error
-from jaxmuscle.estimation.residuals import chain_predictions
-from jaxmuscle.estimation.windows import Case, Problem, Residuals
+from jaxmuscle.estimation.residuals import evaluate_chain
+from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.recordings.smoothing import WINDOWS
 
 REACH = max(WINDOWS) // 2
@@ -21,7 +19,10 @@ DOUBT = 5.0
 """Standard deviations of the smoothed velocity that it may be off: its bias where a motion starts."""
 ROUNDS = 2
 
-Starts = Float[Array, " windows"]
+QUOTIENT = 1e-3
+"""Standard deviations between the two starting rates of a difference quotient."""
+
+Line = NDArray[np.float64]
 
 
 def begun(case: Case, model: AbstractActuator) -> Problem:
@@ -34,54 +35,48 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     they are.
     """
     whole = case.problem
+    rows = np.asarray(whole.rows)
     for name in model.derivatives:
         if name in model.imposed or np.ndim(case.observed.track.measured[name]) != 1:
             continue
-        rows = jnp.asarray(case.windows.rows)
-        sure = (DOUBT * case.observed.spread[name][rows]) ** -2.0
-        first = whole.track.measured[name][rows]
+        sure = (DOUBT * np.asarray(case.observed.spread[name])[rows]) ** -2.0
+        first = here = np.asarray(whole.track.measured[name])[rows]
         near = np.asarray(case.windows.mask) & (np.arange(case.windows.samples) < REACH)
-        judged = whole.only(near)
         for _ in range(ROUNDS):
-            here = whole.track.measured[name][rows]
-            step = _step(model, judged, name, first - here, sure)
-            whole = _with_starts(whole, name, here + step)
-            judged = eqx.tree_at(lambda p: p.track, judged, whole.track)
+            here = here + _step(model, whole.only(near), name, here, first - here, sure)
+            whole = _with_starts(whole, name, here)
     return whole
 
 
-def _with_starts(problem: Problem, name: str, values: Starts) -> Problem:
+def _with_starts(problem: Problem, name: str, values: Line) -> Problem:
     track = problem.track
-    series = track.measured[name].at[problem.rows].set(values)
-    return eqx.tree_at(lambda p: p.track.measured, problem, {**track.measured, name: series})
+    series = np.array(track.measured[name])
+    series[np.asarray(problem.rows)] = values
+    return eqx.tree_at(lambda p: p.track.measured, problem, {**track.measured, name: jnp.asarray(series)})
 
 
-@eqx.filter_jit
-def _step(model: AbstractActuator, problem: Problem, name: str, back: Starts, sure: Starts) -> Starts:
-    """Gauss-Newton step of every window's starting rate; `back` leads to its prior mean."""
-    here = problem.track.measured[name][problem.rows]
+def _step(model: AbstractActuator, problem: Problem, name: str, here: Line, back: Line, sure: Line) -> Line:
+    """Gauss-Newton step of every window's starting rate `here`; `back` leads to its prior mean.
 
-    def residuals(starts: Starts) -> Residuals:
-        predicted = chain_predictions(model, _with_starts(problem, name, starts))
-        return {o: (predicted[o] - problem.targets[o]) * problem.weights[o] for o in predicted}
+    Windows do not see each other's beginnings: one difference quotient serves all of them. It is that of
+    predictions which are needed anyway, for which nothing else has to be compiled.
+    """
+    targets, weights = ({o: np.asarray(v) for o, v in t.items()} for t in (problem.targets, problem.weights))
 
-    # Windows do not see each other's beginnings: one tangent for all of them.
-    value, slope = jax.jvp(residuals, (here,), (jnp.ones_like(here),))
-    summed = lambda a, b: sum(_by_window(a[o] * b[o]) for o in a)  # noqa: E731
+    def residuals(starts: Line) -> dict[str, Line]:
+        predicted = evaluate_chain(model, _with_starts(problem, name, starts))
+        weighted = {o: (np.asarray(v) - targets[o]) * weights[o] for o, v in predicted.items()}
+        return {o: values.reshape(len(here), -1) for o, values in weighted.items()}
+
+    shift = QUOTIENT / np.sqrt(sure)
+    value, moved = residuals(here), residuals(here + shift)
+    slope = {o: (moved[o] - value[o]) / shift[:, None] for o in value}
+    summed = lambda a, b: sum((a[o] * b[o]).sum(axis=1) for o in a)  # noqa: E731
     step = (sure * back - summed(value, slope)) / (sure + summed(slope, slope))
-    return jnp.where(jnp.isfinite(step), step, 0.0)
+    return np.where(np.isfinite(step), step, 0.0)
 
 
-def _by_window(values: Array) -> Starts:
-    return values.reshape(len(values), -1).sum(axis=1)
-
-
-Series = NDArray[np.float64]
-
-_chain_predictions = eqx.filter_jit(chain_predictions)
-
-
-def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
+def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Line]:
     """Predictions of every column from the command alone, window by window, on the recording's clock.
 
     Each window begins at the measured state, its velocity as :func:`begun` has it.
@@ -89,7 +84,7 @@ def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
     windows = case.windows
     found = {}
     inside = windows.sample_rows(len(case.recording))
-    for output, values in _chain_predictions(model, begun(case, model)).items():
+    for output, values in evaluate_chain(model, begun(case, model)).items():
         table = np.asarray(values).reshape(*values.shape[:2], -1)
         for i, name in enumerate(model.outputs[output]):
             series = np.full(len(case.recording), np.nan)
@@ -99,7 +94,7 @@ def predicted_columns(case: Case, model: AbstractActuator) -> dict[str, Series]:
 
 
 def errors(
-    case: Case, predicted: dict[str, Series], held_out: NDArray[np.bool_]
+    case: Case, predicted: dict[str, Line], held_out: NDArray[np.bool_]
 ) -> dict[str, dict[str, Error]]:
     """Errors on the training rows and on the held-out rows."""
     return {
@@ -117,7 +112,7 @@ def noise_of(case: Case, column: str) -> float:
     raise KeyError(column)
 
 
-def _error(case: Case, name: str, predicted: Series, rows: NDArray[np.bool_]) -> Error:
+def _error(case: Case, name: str, predicted: Line, rows: NDArray[np.bool_]) -> Error:
     rows = rows & np.isfinite(predicted)
     measured = case.recording.columns[name][rows]
     rmse = float(np.sqrt(np.mean((predicted[rows] - measured) ** 2)))

@@ -54,6 +54,12 @@ def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
 
 SHORT_STEPS, LONG_STEPS = 12, 60
 """Steps of the fit from each base, and of the better one of them to its end."""
+SLOW = 1e-3
+"""Fall of the cost over eight steps, relative to it, below which a candidate's search is at its end.
+
+With fits of the model without candidates, too, ended like that, practice recording 14 has effects found that
+are not there: what candidates are held against must be as good as it can be.
+"""
 
 
 def search(
@@ -75,10 +81,10 @@ def search(
     for base in (model, bench.with_card_values(model)):
         begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
         meter.did(next(parts) * work, f"trying {effect.name}")
-        fits.append(bench.fit(begin, names, problem, SHORT_STEPS))
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW))
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    return best if minimum.code in SETTLED else bench.fit(best, names, problem, LONG_STEPS)[0]
+    return best if minimum.code in SETTLED else bench.fit(best, names, problem, LONG_STEPS, SLOW)[0]
 
 
 def _best_start(
@@ -122,6 +128,9 @@ STEPS = 60
 PROMISING = 0.05
 """Part of the excess error that a candidate has to remove on the windows that it is fitted to, to be judged
 on others: half of what an effect has to remove there."""
+FAR, FIRST = 2.0, 3
+"""A candidate that leaves so many times as much excess error as the best one, where it is fitted, is not
+judged on other windows either, unless it is among the first so many."""
 FEW = 64
 """Blocks below which four folds are made instead of two: half of a short recording determines too little."""
 
@@ -167,9 +176,8 @@ def rank(
     The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. The
     blocks, stretches predicted in one go, ordered by how much moves in them, go to two folds in turn (four
     when they are few): from there the present model and each candidate are fitted on all folds but one, with
-    all parameters that are free anyway, and judged on that one. A candidate that removes less than
-    :data:`PROMISING` of the excess error of the very windows that it was fitted to, and of their excess sum
-    of squares, is not judged.
+    all parameters that are free anyway, and judged on that one. A candidate that explains too little of the
+    very windows that it was fitted to is not judged (:func:`_promising`).
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
@@ -179,13 +187,14 @@ def rank(
     searched = on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
     present = bench.fit(model, accepted, problem, STEPS)[0]
     fitted, squares = folds.losses(bench, present), folds.squares(bench, present)
-    promising, left = [], []
+    tried, falls = [], []
     for effect, found in zip(rest, searched, strict=True):
         own = folds.losses(bench, found)
-        candidate = Candidate(effect, compare(fitted, own), own, found, ())
-        fall = squares - folds.squares(bench, found)
-        promises = max(candidate.evidence.gain, fall / max(squares, 1.0)) >= PROMISING
-        (promising if promises else left).append(candidate)
+        tried.append(Candidate(effect, compare(fitted, own), own, found, ()))
+        falls.append((squares - folds.squares(bench, found)) / max(squares, 1.0))
+    chosen = _promising([max(c.evidence.gain, fall) for c, fall in zip(tried, falls, strict=True)])
+    promising = [c for c, promises in zip(tried, chosen, strict=True) if promises]
+    left = [c for c, promises in zip(tried, chosen, strict=True) if not promises]
     models = [(model, list(accepted)), *((c.model, [*accepted, c.effect.name]) for c in promising)]
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
     work = JUDGEMENT * (len(rest) + 1) / len(models)
@@ -205,6 +214,20 @@ def rank(
     ]
     ranked = [*sorted(tried, key=_loss), *sorted(left, key=_loss)]
     return Ranking(float(np.expm1(losses[0].mean())), refitted[0], tuple(ranked))
+
+
+def _promising(gains: Sequence[float]) -> list[bool]:
+    """Which candidates are judged on unseen windows.
+
+    Args:
+        gains: part of the excess error, or of the excess sum of squares if that is more, that each removes
+            of the windows that it is fitted to.
+    """
+    order = np.argsort(-np.asarray(gains), kind="stable")
+    least = 1 - FAR * (1 - max(gains, default=0.0))
+    near = [gain >= least for gain in gains]
+    first = set(order[:FIRST].tolist())
+    return [gain >= PROMISING and (near[i] or i in first) for i, gain in enumerate(gains)]
 
 
 def _loss(candidate: Candidate) -> float:
@@ -246,7 +269,7 @@ class Folds:
         """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
         judged = np.flatnonzero(self.fold_of == fold)
         fitting = self.problem.only(~np.isin(self.block, judged))
-        fitted, _ = bench.fit(model, effects, fitting, STEPS)
+        fitted, _ = bench.fit(model, effects, fitting, STEPS, SLOW)
         residuals = bench.residuals(fitted, self.problem)
         return block_losses(residuals, self.problem.weights, self.block, judged), fitted
 

@@ -5,6 +5,7 @@ judgement of the best point.
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,24 +27,26 @@ from jaxmuscle.estimation.free_parameters import Unknowns, at_bound, moved_machi
 from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
 from jaxmuscle.estimation.initial_states import state_scores
 from jaxmuscle.estimation.intervals import profiles, with_conflicts, with_inner_ends
-from jaxmuscle.estimation.losses import Loss, loss_named
+from jaxmuscle.estimation.losses import Loss, Squares, loss_named
 from jaxmuscle.estimation.multistart import Found, Search, search
 from jaxmuscle.estimation.nonsmooth import without_rough
+from jaxmuscle.estimation.objective import SharedProgram
 from jaxmuscle.estimation.parameter_layout import labels, layout
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.prepare import (
     ESTIMATED,
     Masks,
+    NoiseLike,
     as_settings,
     asked_for,
     begun_at,
     prepared,
     profiled,
 )
-from jaxmuscle.estimation.request import Bounds, PriorLike
+from jaxmuscle.estimation.request import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.residual_analysis import Series, residual_tests, series
 from jaxmuscle.estimation.summary import notes, summary
-from jaxmuscle.optimization.levenberg_marquardt import Course
+from jaxmuscle.optimization.levenberg_marquardt import Course, Lane, Limits, Local
 from jaxmuscle.optimization.optimistix_solver import steps_by
 from jaxmuscle.parameter_names import of_machine
 from jaxmuscle.recordings.card import Card
@@ -121,7 +124,6 @@ class FitResult(FitData):
 
 def conclude(
     found: Found,
-    actuator: AbstractActuator,
     wanted: Sequence[str],
     settings: dict[str, Any],
     progress: Callable[[str], None],
@@ -208,6 +210,54 @@ def _silent(message: str) -> None:
     """Progress that goes nowhere."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """How what is asked for is fitted; the arguments of :func:`jaxmuscle.fit` by these names, and others.
+
+    Attributes:
+        deadline: end of the search (`time.monotonic`).
+        solver: takes the outcome of a trial into its lane; our own when `None`.
+        program: what evaluates the fit, shared with others; one of its own when `None`.
+    """
+
+    loss: Loss = dataclasses.field(default_factory=Squares)
+    noise: NoiseLike = None
+    starts: int | Sequence[Mapping[str, float]] = 1
+    steps: int = 50
+    seed: int = 0
+    deadline: float = math.inf
+    solver: Callable[[Lane, Local, Limits], None] | None = None
+    program: SharedProgram | None = None
+
+
+def estimate(
+    actuator: AbstractActuator,
+    recordings: Sequence[Recording],
+    asked: Asked,
+    masks: Masks,
+    method: Method,
+    progress: Callable[[str], None] = _silent,
+) -> FitResult:
+    """What :func:`jaxmuscle.fit` does, from arguments that are checked one by one."""
+    begin = time.monotonic()
+    objective = prepared(actuator, recordings, asked, masks, method.noise, method.loss)
+    objective = dataclasses.replace(objective, program=method.program)
+    task = Search(
+        objective,
+        begun_at(objective.unknowns, method.starts, method.seed),
+        method.steps,
+        method.deadline,
+        method.noise == ESTIMATED,
+        _teller(progress, begin),
+        asked.continuation,
+        method.solver,
+    )
+    settings = as_settings(asked, method.loss, method.noise, masks)
+    settings |= {"steps": method.steps, "seed": method.seed}
+    wanted = profiled(actuator, recordings, asked, {entry.place.name for entry in objective.unknowns.entries})
+    return conclude(search(task), wanted, settings, progress, begin)
+
+
 def fit(
     actuator: AbstractActuator,
     recordings: Recording | Sequence[Recording],
@@ -273,17 +323,17 @@ def fit(
     require_double_precision("a fit")
     begin = time.monotonic()
     given = request.given_recordings(actuator, recordings)
-    steps, seed = request.whole(steps, "steps", 1), request.whole(seed, "seed", 0)
-    deadline = begin + request.seconds(budget, "budget")
+    method = Method(
+        loss_named(loss),
+        noise,
+        starts,
+        request.whole(steps, "steps", 1),
+        request.whole(seed, "seed", 0),
+        begin + request.seconds(budget, "budget"),
+        None if solver is None else steps_by(solver),
+    )
     asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
-    rule, by = loss_named(loss), None if solver is None else steps_by(solver)
-    objective = prepared(actuator, given, asked, masks, noise, rule)
-    points = begun_at(objective.unknowns, starts, seed)
-    told = _teller(progress, begin)
-    task = Search(objective, points, steps, deadline, noise == ESTIMATED, told, asked.continuation, by)
-    settings = as_settings(asked, rule, noise, masks) | {"steps": steps, "seed": seed}
-    wanted = profiled(actuator, given, asked, {entry.place.name for entry in objective.unknowns.entries})
-    return conclude(search(task), actuator, wanted, settings, progress, begin)
+    return estimate(actuator, given, asked, masks, method, progress)
 
 
 def _teller(progress: Callable[[str], None], begin: float) -> Callable[[str, Course], None]:

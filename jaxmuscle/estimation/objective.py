@@ -54,23 +54,32 @@ Vector = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
+class SharedProgram:
+    """Derivatives by any of many parameters, compiled once for every fit that moves some of them.
+
+    Attributes:
+        movable: paths of the parameters.
+        tangents: derivatives that are taken at a time, at least one; what is not used of them are zeros.
+    """
+
+    movable: tuple[str, ...]
+    tangents: int
+
+
+@dataclasses.dataclass(frozen=True)
 class Objective:
     """The cost of the unknowns' coordinates u on several recordings.
 
     Attributes:
         width: points that are evaluated in one program; any number of them is, in parts.
-        movable: paths among which the unknowns are chosen, so that one program serves every choice of at
-            most `tangents` of them; `None` for a program of these unknowns alone.
-        tangents: derivatives that such a program takes at a time, at least one; what is not used of them
-            are zeros.
+        program: what evaluates it; a program of these unknowns alone when `None`.
     """
 
     stations: Sequence[Station]
     unknowns: Unknowns
     loss: Loss
     width: int = 1
-    movable: tuple[str, ...] | None = None
-    tangents: int = 0
+    program: SharedProgram | None = None
 
     @cached_property
     def samples(self) -> int:
@@ -146,32 +155,33 @@ class Objective:
         """Residuals of one recording and their derivatives by the values (SI) that act on it."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
         values, paths = self.unknowns.values(points)[:, index], self.paths(number)
-        if self.movable is None:
+        if self.program is None:
             found = values_and_slopes(jnp.asarray(values), station.actuator, station.problem, paths)  # pyright: ignore
             r, slopes = (np.asarray(each) for each in found)
         else:
-            each = [self._by_chosen(station, paths, point) for point in values]
+            each = [_by_chosen(self.program, station, paths, point) for point in values]
             r, slopes = (np.stack(parts) for parts in zip(*each, strict=True))
         with np.errstate(over="ignore", invalid="ignore"):
             sound = np.isfinite(slopes.sum())
         return r, slopes if sound else np.where(np.isfinite(slopes), slopes, 0.0)
 
-    def _by_chosen(
-        self, station: Station, paths: Sequence[str], values: Float[np.ndarray, " m"]
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "m n"]]:
-        """Residuals and derivatives at one point by the program of all movable paths."""
-        movable = self.movable or ()
-        theta = np.array([float(get(station.actuator, path)) for path in movable])
-        places = np.array([movable.index(path) for path in paths], dtype=np.int64)
-        theta[places] = values
-        parts = max(1, -(-len(places) // self.tangents))
-        chosen = np.full((parts, self.tangents), len(movable))
-        chosen.flat[: len(places)] = places
-        found = [
-            values_and_chosen_slopes(
-                jnp.asarray(theta), jnp.asarray(part), station.actuator, station.problem, movable
-            )  # pyright: ignore[reportGeneralTypeIssues]
-            for part in chosen
-        ]
-        slopes = np.concatenate([np.asarray(part) for _, part in found])
-        return np.asarray(found[0][0]), slopes[: len(places)]
+
+def _by_chosen(
+    program: SharedProgram, station: Station, paths: Sequence[str], values: Float[np.ndarray, " m"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "m n"]]:
+    """Residuals and derivatives at one point by the program of all movable paths."""
+    movable, tangents = program.movable, program.tangents
+    theta = np.array([float(get(station.actuator, path)) for path in movable])
+    places = np.array([movable.index(path) for path in paths], dtype=np.int64)
+    theta[places] = values
+    parts = max(1, -(-len(places) // tangents))
+    chosen = np.full((parts, tangents), len(movable))
+    chosen.flat[: len(places)] = places
+    found = [
+        values_and_chosen_slopes(
+            jnp.asarray(theta), jnp.asarray(part), station.actuator, station.problem, movable
+        )  # pyright: ignore[reportGeneralTypeIssues]
+        for part in chosen
+    ]
+    slopes = np.concatenate([np.asarray(part) for _, part in found])
+    return np.asarray(found[0][0]), slopes[: len(places)]

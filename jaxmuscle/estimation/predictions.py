@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -18,11 +17,9 @@ from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residual_analysis import Series
 from jaxmuscle.estimation.residual_layout import ResidualLayout
-from jaxmuscle.estimation.residuals import chain_predictions, moved
+from jaxmuscle.estimation.residuals import evaluate_chain, moved
 from jaxmuscle.parameter_names import OFFSET, of_machine
 from jaxmuscle.recordings.smoothing import noise_level
-
-_chain = eqx.filter_jit(chain_predictions)
 
 
 def predictions(
@@ -50,7 +47,7 @@ def predictions(
         }
         shifts = [jnp.asarray(x) for x in beside.values()]
         _, problem = moved(machines[number], station.problem, list(beside), shifts)
-        chain = _chain(machines[number], problem)
+        chain = evaluate_chain(machines[number], problem)
         layout = station.layout
         table: dict[str, NDArray[np.float64]] = {}
         for line in (line for line in lines if line.recording == number):

@@ -123,6 +123,8 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
 
 evaluate = eqx.filter_jit(residuals)
 """Weighted residuals, compiled once for each structure of a model."""
+evaluate_chain = eqx.filter_jit(chain_predictions)
+"""Predictions from the command alone, compiled once for each structure of a model."""
 
 
 def moved(

@@ -167,6 +167,7 @@ class Tolerances:
         noticeable, patience: fall of the cost that so many steps, taken or rejected, have to bring.
         exact: mean square residual below which a fit counts as exact.
         fall: expected fall relative to the cost at which a descent may end before its minimum.
+        slow: fall over `patience` steps relative to the cost at which it may.
     """
 
     near: float = 1e-3
@@ -174,6 +175,7 @@ class Tolerances:
     patience: int = 8
     exact: float = 1e-6
     fall: float = 0.0
+    slow: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,7 +186,7 @@ class Limits:
         samples: number of residuals, by which the cost is judged.
         reach: how far a coordinate may go in one step, relative to the longest step of a logarithm.
         solver: what takes the outcome of a trial into its lane and sets the next trial, or the end; our own
-            trust region (`marquardt.advance`) when `None`.
+            trust region (:func:`advance`) when `None`.
     """
 
     lower: Vector
@@ -259,10 +261,11 @@ def _accepted(lane: Lane, local: Local) -> bool:
 
 def _tired(lane: Lane, limits: Limits) -> bool:
     """Whether the cost has hardly fallen for a while: it is rugged, and its slopes lead nowhere."""
-    patience, noticeable = limits.tolerances.patience, limits.tolerances.noticeable
-    if len(lane.costs) <= patience:
+    ends = limits.tolerances
+    if len(lane.costs) <= ends.patience:
         return False
-    return lane.costs[-1 - patience] - lane.cost < noticeable * scale(lane, limits)
+    noticeable = max(ends.noticeable * scale(lane, limits), ends.slow * lane.cost)
+    return lane.costs[-1 - ends.patience] - lane.cost < noticeable
 
 
 def scale(lane: Lane, limits: Limits) -> float:
