@@ -17,8 +17,8 @@ from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.parameter_layout import unknown_within
-from jaxmuscle.estimation.residuals import BROKEN, evaluate
-from jaxmuscle.estimation.windows import Case, Problem, Residuals
+from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
+from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Tolerances, descend
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameter_names import effect_path, split_effect
@@ -242,9 +242,9 @@ class Workbench:
             self.jacobian(model, problem, self.free_paths(model, [name]), [name])
             self.residuals(model, problem)
 
-    def residuals(self, model: AbstractActuator, problem: Problem) -> Residuals:
-        """Weighted residuals, as NumPy arrays."""
-        return {out: np.asarray(r) for out, r in evaluate(model, problem).items()}  # pyright: ignore
+    def residuals(self, model: AbstractActuator, problem: Problem) -> Evaluated:
+        """Weighted residuals."""
+        return evaluate(model, problem)
 
     def cost(self, model: AbstractActuator, problem: Problem) -> float:
         """Half the sum of squared weighted residuals, without priors."""

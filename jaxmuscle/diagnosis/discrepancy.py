@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Link, rate_unit
+from jaxmuscle.estimation.padding import bucket, longer_track
 from jaxmuscle.estimation.windows import Case
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
@@ -45,24 +46,34 @@ def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
     track, samples = case.observed.track, case.observed.samples
     substeps = case.problem.substeps
     rates, readings = rates_and_readings(model, track, samples, substeps)
-    variance = {name: jnp.zeros_like(values) for name, values in rates.items()}
+    variance = {name: np.zeros_like(values) for name, values in rates.items()}
     for name in model.derivatives:
-        spread = case.observed.spread[name]
+        spread = np.asarray(case.observed.spread[name])
         shifted = (_shifted(track, name, sign * spread) for sign in (1, -1))
         up, down = (rates_and_readings(model, other, samples, substeps)[0] for other in shifted)
         variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
     return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
 
 
-def _shifted(track: Track, name: str, shift: Array) -> Track:
-    return eqx.tree_at(lambda t: t.measured, track, {**track.measured, name: track.measured[name] + shift})
+def _shifted(track: Track, name: str, shift: Series) -> Track:
+    moved = jnp.asarray(np.asarray(track.measured[name]) + shift)
+    return eqx.tree_at(lambda t: t.measured, track, {**track.measured, name: moved})
+
+
+def rates_and_readings(
+    model: AbstractActuator, track: Track, samples: int, substeps: int
+) -> tuple[dict[str, Series], dict[str, Series]]:
+    """Rates of the measured states, and readings, that `model` gives at every sample of a measured track."""
+    rows = bucket(samples)
+    found = _rates_and_readings(model, longer_track(track, rows, False), rows, substeps)
+    rates, readings = ({name: np.asarray(v)[:samples] for name, v in each.items()} for each in found)  # pyright: ignore
+    return rates, readings
 
 
 @eqx.filter_jit
-def rates_and_readings(
+def _rates_and_readings(
     model: AbstractActuator, track: Track, samples: int, substeps: int
 ) -> tuple[Arrays, Arrays]:
-    """Rates of the measured states, and readings, that `model` gives at every sample of a measured track."""
     hidden = observe(model, track, samples, substeps)
 
     def instant(row, start):
@@ -76,7 +87,12 @@ def rates_and_readings(
 
 
 def _of_link(
-    case: Case, model: AbstractActuator, link: Link, rates: Arrays, readings: Arrays, variance: Arrays
+    case: Case,
+    model: AbstractActuator,
+    link: Link,
+    rates: dict[str, Series],
+    readings: dict[str, Series],
+    variance: dict[str, Series],
 ) -> MissingRate:
     columns, step = case.recording.columns, case.recording.step
     names = model.outputs[link.output]
@@ -98,6 +114,6 @@ def _of_link(
     return MissingRate(link, values, spread, rate_unit(unit) if order == 1 else rate_unit(rate_unit(unit)))
 
 
-def _by_column(names: tuple[str, ...], values: Array) -> dict[str, Series]:
-    table = np.asarray(values).reshape(len(values), -1)
+def _by_column(names: tuple[str, ...], values: Series) -> dict[str, Series]:
+    table = values.reshape(len(values), -1)
     return {name: table[:, i] for i, name in enumerate(names)}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
-
-from jaxmuscle.estimation.windows import Residuals
 
 TELLING = float(np.log(3.0))
 """Loss above which a block tells two models apart: a mean square of twice the noise."""
@@ -44,7 +43,9 @@ class Evidence:
     loss: float
 
 
-def block_losses(residuals: Residuals, weights: Residuals, block: Blocks, judged: NDArray) -> Losses:
+def block_losses(
+    residuals: Mapping[str, ArrayLike], weights: Mapping[str, ArrayLike], block: Blocks, judged: NDArray
+) -> Losses:
     """log(1 + mean square) of the weighted residuals of each judged block, output by output.
 
     The logarithm is that of a heavy-tailed likelihood (Student with one degree of freedom a block): a

@@ -10,10 +10,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.missing_data import Mask, usable
+from jaxmuscle.estimation.padding import in_buckets, longer, padded, vector_without_padding
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.windows import Problem, case
 from jaxmuscle.recordings.recording import Recording
@@ -88,6 +89,16 @@ class Station:
     def samples(self) -> int:
         """Readings that count."""
         return sum(int((np.asarray(w) > 0).sum()) for w in self.problem.weights.values())
+
+    @cached_property
+    def common(self) -> Problem:
+        """The problem in sizes that recordings of similar lengths share, as compiled programs take it."""
+        return in_buckets(self.problem)
+
+    def own(self, values: ArrayLike) -> Float[np.ndarray, "... n"]:
+        """Residuals or their slopes without what belongs to the padding of `common`."""
+        outputs = [link.output for link in self.actuator.links]
+        return vector_without_padding(np.asarray(values), outputs, self.problem, self.common)
 
     @cached_property
     def layout(self) -> ResidualLayout:
@@ -179,5 +190,36 @@ def widened(stations: Sequence[Station], factor: float) -> list[Station]:
     none = lambda leaf: leaf is None  # noqa: E731
     return [
         dataclasses.replace(s, problem=eqx.tree_at(where, s.problem, jnp.asarray(factor), is_leaf=none))
+        for s in stations
+    ]
+
+
+MOST_PADDING = 1.5
+"""Work with all recordings padded to one shape, relative to the work without, up to which they share it."""
+
+
+def aligned(stations: Sequence[Station]) -> list[Station]:
+    """The same recordings padded to one shape, so that they share one compilation; as they are if too unlike.
+
+    Padding repeats the last sample, and its readings have no weight.
+    """
+    problems = [s.problem for s in stations]
+    windows = max(len(p.rows) for p in problems)
+    samples = max(p.samples for p in problems)
+    rows = max(p.track.command.shape[0] for p in problems)
+    total = max(p.total for p in problems)
+    own = sum(len(p.rows) * p.samples + p.total for p in problems)
+    work = len(problems) * (windows * samples + total)
+    if work > MOST_PADDING * own or len({p.substeps for p in problems}) > 1:
+        return list(stations)
+    breaks = any(p.track.begins is not None for p in problems)
+    return [
+        dataclasses.replace(
+            s,
+            problem=padded(
+                s.problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks
+            ),
+            spread={name: longer(values, rows) for name, values in s.spread.items()},
+        )
         for s in stations
     ]

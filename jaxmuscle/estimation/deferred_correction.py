@@ -84,7 +84,7 @@ def _at_steps(objective: Objective, number: int, u: NDArray[np.float64], times: 
     station, index = objective.stations[number], objective.unknowns.acting_on(number)
     paths = objective.paths(number)
     theta, often = jnp.asarray(objective.unknowns.values(u)[index]), jnp.asarray(times)
-    return np.asarray(_residuals(theta, station.actuator, station.problem, paths, often))  # pyright: ignore
+    return station.own(_residuals(theta, station.actuator, station.common, paths, often))  # pyright: ignore
 
 
 def _shifted(station: Station, change: NDArray[np.float64]) -> Station:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residual_analysis import Series
-from jaxmuscle.estimation.residuals import BROKEN, evaluate
-from jaxmuscle.estimation.windows import Problem, Residuals
+from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
+from jaxmuscle.estimation.windows import Problem
 
 Line = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def _loosened(objective: Objective, number: int, u: Line) -> Station:
     station = objective.stations[number]
     machine, problem = objective.moved(number, u)
 
-    def residuals(name: str, states: Line) -> Residuals:
+    def residuals(name: str, states: Line) -> Evaluated:
         measured = {**problem.track.measured, name: jnp.asarray(states)}
         return evaluate(machine, eqx.tree_at(lambda p: p.track.measured, problem, measured))
 
@@ -70,7 +70,7 @@ def _begins(station: Station) -> Iterator[tuple[str, Line]]:
             yield name, reach
 
 
-def _change(station: Station, up: Residuals, down: Residuals) -> dict[str, Line]:
+def _change(station: Station, up: Evaluated, down: Evaluated) -> dict[str, Line]:
     """Output → change of its prediction (SI) by `LOOSE` standard deviations; zero where it is no number."""
     found = {}
     for output, weights in station.problem.weights.items():

@@ -156,8 +156,8 @@ class Objective:
         station, index = self.stations[number], self.unknowns.acting_on(number)
         values, paths = self.unknowns.values(points)[:, index], self.paths(number)
         if self.program is None:
-            found = values_and_slopes(jnp.asarray(values), station.actuator, station.problem, paths)  # pyright: ignore
-            r, slopes = (np.asarray(each) for each in found)
+            found = values_and_slopes(jnp.asarray(values), station.actuator, station.common, paths)  # pyright: ignore
+            r, slopes = (station.own(each) for each in found)
         else:
             each = [_by_chosen(self.program, station, paths, point) for point in values]
             r, slopes = (np.stack(parts) for parts in zip(*each, strict=True))
@@ -179,9 +179,9 @@ def _by_chosen(
     chosen.flat[: len(places)] = places
     found = [
         values_and_chosen_slopes(
-            jnp.asarray(theta), jnp.asarray(part), station.actuator, station.problem, movable
+            jnp.asarray(theta), jnp.asarray(part), station.actuator, station.common, movable
         )  # pyright: ignore[reportGeneralTypeIssues]
         for part in chosen
     ]
     slopes = np.concatenate([np.asarray(part) for _, part in found])
-    return np.asarray(found[0][0]), slopes[: len(places)]
+    return station.own(found[0][0]), station.own(slopes[: len(places)])

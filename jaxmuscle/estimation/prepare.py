@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation import request
-from jaxmuscle.estimation.dataset import station
+from jaxmuscle.estimation.dataset import aligned, station
 from jaxmuscle.estimation.fittable_parameters import columns
 from jaxmuscle.estimation.free_parameters import Prior, Unknowns
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing_data import Mask, noise_of_readings
 from jaxmuscle.estimation.multistart import given_starts, spread_starts
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.padding import aligned
 from jaxmuscle.estimation.parameter_layout import check_same_rig, conditions, known_places, labels, layout
 from jaxmuscle.estimation.request import Asked, PriorLike
 from jaxmuscle.parameter_names import expanded, resolve

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Link
 from jaxmuscle.estimation.jacobian import Leaves, Traced, slopes_of
+from jaxmuscle.estimation.padding import in_buckets, without_padding
 from jaxmuscle.estimation.windows import Problem, Residuals
 from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace, split_index
@@ -121,10 +122,19 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
     return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
 
 
-evaluate = eqx.filter_jit(residuals)
-"""Weighted residuals, compiled once for each structure of a model."""
-evaluate_chain = eqx.filter_jit(chain_predictions)
-"""Predictions from the command alone, compiled once for each structure of a model."""
+_residuals = eqx.filter_jit(residuals)
+_chain_predictions = eqx.filter_jit(chain_predictions)
+Evaluated = dict[str, NDArray[np.float64]]
+
+
+def evaluate(actuator: AbstractActuator, problem: Problem) -> Evaluated:
+    """Weighted residuals, compiled once for each structure of a model and size of a recording."""
+    return without_padding(_residuals(actuator, in_buckets(problem)), problem)
+
+
+def evaluate_chain(actuator: AbstractActuator, problem: Problem) -> Evaluated:
+    """Predictions from the command alone, compiled like :func:`evaluate`."""
+    return without_padding(_chain_predictions(actuator, in_buckets(problem)), problem)
 
 
 def moved(
@@ -215,9 +225,9 @@ def values_and_slopes(
     return jax.vmap(lane)(thetas)
 
 
-SIDE_BY_SIDE = 64
-"""Numbers predicted side by side, windows times readings, from which derivatives are computed apart from
-values in a program that serves many fits.
+SIDE_BY_SIDE = 80
+"""Numbers predicted side by side, windows (padding included) times readings, from which derivatives are
+computed apart from values in a program that serves many fits.
 
 That takes twice as long to compile. Twelve tangents of 84 numbers (a joint in 28 windows) take 38 ms where
 they took 98 ms. With 56 (a lifted mass in 28 windows) a diagnosis compiles 18 s instead of 9 s, two cores

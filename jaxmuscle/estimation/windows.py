@@ -33,12 +33,14 @@ class Windows:
         samples: their length.
         mask: whether a sample of a window belongs to its stretch.
         held_out: whether a window lies in a stretch that no fit and no selection may see.
+        fixed: whether a horizon, not the length of the recording, fixes that of a window.
     """
 
     rows: Int[np.ndarray, " windows"]
     samples: int
     mask: Bool[np.ndarray, "windows samples"]
     held_out: Bool[np.ndarray, " windows"]
+    fixed: bool
 
     def __len__(self) -> int:
         """Number of windows."""
@@ -68,21 +70,22 @@ def cut(
     Without a horizon each stretch is one window, unless the bench imposes every state of the rig: then
     nothing is started anew at a window's edge and the length is free.
     """
-    longest = max(stop - start for start, stop, _ in stretches)
+    longest, fixed = max(stop - start for start, stop, _ in stretches), False
     if set(actuator.imposed) >= {*actuator.measured, *actuator.derivatives}:
         total = sum(stop - start for start, stop, _ in stretches)
         samples = min(longest, max(50, -(-total // LONGEST_BATCH)))
     elif horizon is None:
         samples = longest
     else:
-        samples = min(longest, max(2, round(horizon / step)))
+        wanted = max(2, round(horizon / step))
+        samples, fixed = min(longest, wanted), wanted <= longest
     rows, masks, held = [], [], []
     for start, stop, out in stretches:
         for row in range(start, stop, samples):
             rows.append(row)
             masks.append(np.arange(samples) < stop - row)
             held.append(out)
-    return Windows(np.array(rows), samples, np.array(masks), np.array(held))
+    return Windows(np.array(rows), samples, np.array(masks), np.array(held), fixed)
 
 
 Residuals = dict[str, Float[Array, "windows samples *muscles"]]
@@ -95,6 +98,8 @@ class Problem(eqx.Module):
         targets: output → measured values, window by window.
         weights: output → one over the standard deviation to be expected of the residual, zero where masked.
         period: samples after which a link is started anew from what was measured; a window, or part of one.
+        fixed: whether a horizon, not the length of the recording, fixes that of a window.
+        share: part of the recording's rows that lies in its windows, in hundredths.
         begin: states at the first sample of the recording that are neither as measured nor at rest: name of
             a state, or of the effect whose state it is (an entry of an array by its index), → value.
     """
@@ -107,6 +112,8 @@ class Problem(eqx.Module):
     samples: int = eqx.field(static=True)
     total: int = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
+    fixed: bool = eqx.field(static=True)
+    share: float = eqx.field(static=True)
     begin: dict[str, Array] = eqx.field(default_factory=dict)
 
     @property
@@ -166,7 +173,13 @@ def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
         windows.samples,
         observed.samples,
         substeps,
+        windows.fixed,
+        _share(windows.mask, observed.samples),
     )
+
+
+def _share(mask: Bool[np.ndarray, "windows samples"], rows: int) -> float:
+    return round(float(mask.sum()) / rows, 2)
 
 
 def _along(samples: np.ndarray, weights: Array) -> Array:
@@ -198,9 +211,10 @@ class Case:
         select = lambda arrays: {out: kept(values) for out, values in arrays.items()}  # noqa: E731
         whole = self.problem
         last = int(self.windows.rows[keep].max()) + self.windows.samples
+        share = _share(self.windows.mask[keep], whole.track.command.shape[0])
         return eqx.tree_at(
             lambda p: (p.rows, p.targets, p.weights),
-            dataclasses.replace(whole, total=min(last, whole.total)),
+            dataclasses.replace(whole, total=min(last, whole.total), share=share),
             (kept(whole.rows), select(whole.targets), select(whole.weights)),
         )
 

@@ -11,7 +11,7 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.estimation.padding import FACTOR, bucket, in_buckets, without_padding
+from jaxmuscle.estimation.padding import FACTOR, bucket, in_buckets, vector_without_padding, without_padding
 from jaxmuscle.estimation.residuals import evaluate, residuals
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import replace
@@ -79,20 +79,35 @@ def test_residuals_and_their_slopes_are_the_same(kind, lift, driven):
         np.testing.assert_allclose(cut, own[output], rtol=0, atol=1e-11 * scale)
 
 
-def test_axes_before_the_windows_stay(driven):
-    problem = case(driven, 0.2).problem
-    common = in_buckets(problem)
-    stacked = {out: jnp.stack([values, 2 * values]) for out, values in common.targets.items()}
-    found = without_padding(stacked, problem, axis=1)
-    for output, values in problem.targets.items():
-        np.testing.assert_array_equal(found[output], np.stack([values, 2 * values]))
+def test_vectors_with_axes_before_the_residuals(driven):
+    prepared = case(driven, 0.2)
+    problem, common = prepared.problem, in_buckets(prepared.problem)
+    outputs = list(problem.targets)
+    flat = np.concatenate([np.ravel(common.targets[output]) for output in outputs])
+    found = vector_without_padding(np.stack([flat, 2 * flat]), outputs, problem, common)
+    own = np.concatenate([np.ravel(problem.targets[output]) for output in outputs])
+    np.testing.assert_array_equal(found, np.stack([own, 2 * own]))
 
 
-def test_windows_of_a_fixed_length_keep_it(lift):
-    problem = case(first_rows(lift, SAMPLES), 0.2).problem
-    common = in_buckets(problem, keep_samples=True)
-    assert common.samples == problem.samples != in_buckets(problem).samples
-    assert common.total == in_buckets(problem).total
+def test_windows_keep_the_length_that_a_horizon_fixes(lift):
+    fixed = case(first_rows(lift, SAMPLES), 0.2).problem
+    assert fixed.fixed and in_buckets(fixed).samples == fixed.samples
+    card = dataclasses.replace(lift.card, horizon=None)
+    whole = case(dataclasses.replace(first_rows(lift, SAMPLES), card=card), 0.2).problem
+    assert not whole.fixed and in_buckets(whole).samples == bucket(whole.samples) > whole.samples
+
+
+@pytest.mark.parametrize("breaks", [(), (100, 330)])
+def test_all_sizes_follow_from_the_rows(lift, breaks):
+    """However long two recordings of one size are, training windows and all windows fit into the same."""
+    sizes = set()
+    for rows in range(bucket(600), bucket(600) - 60, -7):
+        prepared = case(first_rows(lift, rows, breaks), 0.3)
+        for part in (prepared.training, prepared.problem):
+            common = in_buckets(part)
+            assert len(common.rows) >= len(part.rows) and common.total >= part.total
+        sizes.add((len(common.rows), common.total, common.samples, len(common.track.command)))
+    assert len(sizes) == 1
 
 
 def test_lengths_of_one_size_share_a_program(lift):

@@ -6,10 +6,9 @@ import pytest
 from estimation.made import TRUE, pulled
 
 import jaxmuscle as jm
-from jaxmuscle.estimation.dataset import station
+from jaxmuscle.estimation.dataset import aligned, station
 from jaxmuscle.estimation.losses import LOSSES
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.padding import aligned
 from jaxmuscle.estimation.parameter_layout import layout
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.residuals import residuals, values_and_slopes

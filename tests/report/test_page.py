@@ -51,7 +51,7 @@ def test_page_says_what_the_verdict_means(verdict: str, told: str) -> None:
 def test_page_tells_candidates_that_were_not_tried_on_unseen_windows() -> None:
     outcome, told = (
         diagnosis("effects found"),
-        "explains too little even of the windows that it was fitted to",
+        "explains too little, or far less, of the windows that it was fitted to",
     )
     assert told not in page(outcome)
     first = outcome.rounds[0]
