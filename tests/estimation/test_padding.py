@@ -12,7 +12,7 @@ from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
 from jaxmuscle.estimation.padding import FACTOR, bucket, in_buckets, vector_without_padding, without_padding
-from jaxmuscle.estimation.residuals import evaluate, residuals
+from jaxmuscle.estimation.residuals import evaluate, residuals, values_and_slopes
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import replace
 
@@ -125,7 +125,25 @@ def test_lengths_of_one_size_share_a_program(lift):
         evaluated(prepared.actuator, in_buckets(prepared.problem))
     assert len(traced) == 1
     for prepared in cases:
-        cut = without_padding(evaluated(prepared.actuator, in_buckets(prepared.problem)), prepared.problem)
-        plain = evaluate(prepared.actuator, prepared.problem)
-        for output, values in plain.items():
-            np.testing.assert_allclose(cut[output], values, rtol=0, atol=1e-11 * np.abs(values).max())
+        plain = eqx.filter_jit(residuals)(prepared.actuator, prepared.problem)
+        for output, values in evaluate(prepared.actuator, prepared.problem).items():
+            assert values.shape == plain[output].shape
+            size = np.abs(plain[output]).max()
+            np.testing.assert_allclose(values, plain[output], rtol=0, atol=1e-11 * size)
+
+
+def test_fits_of_two_lengths_share_their_programs(lift):
+    """And each is what it would be alone: the readings that count are its own."""
+
+    def programs():
+        return values_and_slopes._cached._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
+
+    rows = bucket(SAMPLES)
+    machine = jm.actuator(lift.card)
+    first = jm.fit(machine, first_rows(lift, rows), ["valve.area"])
+    before = programs()
+    second = jm.fit(machine, first_rows(lift, rows - 40), ["valve.area"])
+    assert programs() == before > 0
+    assert first.samples == 2 * rows and second.samples == 2 * (rows - 40)
+    near = first.parameters["valve_area"].std
+    assert abs(second.values["valve_area"] - first.values["valve_area"]) < 5 * near
