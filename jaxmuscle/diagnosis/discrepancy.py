@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Link, rate_unit
-from jaxmuscle.estimation.padding import bucket, longer_track
-from jaxmuscle.estimation.windows import Case
+from jaxmuscle.estimation.padding import longer_track
+from jaxmuscle.estimation.windows import Case, bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
 

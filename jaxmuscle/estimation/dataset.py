@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -213,13 +214,16 @@ def aligned(stations: Sequence[Station]) -> list[Station]:
     if work > MOST_PADDING * own or len({p.substeps for p in problems}) > 1:
         return list(stations)
     breaks = any(p.track.begins is not None for p in problems)
+
+    def alike(own: Problem) -> Problem:
+        common = padded(own, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks)
+        return jax.tree.map(jnp.asarray, common)
+
     return [
         dataclasses.replace(
             s,
-            problem=padded(
-                s.problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks
-            ),
-            spread={name: longer(values, rows) for name, values in s.spread.items()},
+            problem=alike(s.problem),
+            spread={name: jnp.asarray(longer(values, rows)) for name, values in s.spread.items()},
         )
         for s in stations
     ]

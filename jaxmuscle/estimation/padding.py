@@ -1,7 +1,7 @@
 """Padding of recordings to common shapes, so that they share compiled programs.
 
 What depends on the length of a recording in a compiled program: rows of the track, rows that the observer
-runs over (`total`), number of windows, and samples of a window where no horizon fixes them. Padding repeats
+runs over (`total`), number of windows, and samples of a window that is a whole stretch. Padding repeats
 the last row, adds windows that begin at row 0 and samples that run on; none of them has any weight. It is
 done for every evaluation, by NumPy: half a millisecond, where JAX takes three.
 """
@@ -16,20 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.estimation.windows import Problem, bucket
 from jaxmuscle.simulation import Track
-
-FACTOR = 1.25
-"""Ratio of two sizes that follow each other: an eighth of a program's work is padding on average."""
-
-
-def bucket(size: int) -> int:
-    """The smallest size of the series 1, 2, 3, 4, 5, 7, 9, 12, 15, … that is not less than `size`."""
-    found = 1
-    while found < size:
-        found = max(found + 1, math.ceil(FACTOR * found))
-    return found
-
 
 SLACK = 0.01
 """Part of a recording by which windows may reach further than its share: a share is rounded to that."""
@@ -40,20 +28,18 @@ def in_buckets(problem: Problem) -> Problem:
 
     All of them follow from the number of rows, so that two recordings share all or none: rows in the series,
     the observer's rows as the same share of them, windows as many as these hold and one for what a break
-    cuts off. The length of windows is left as it is where a horizon fixes it for every recording. Residuals
-    are those of `problem` in its windows and samples, see :func:`without_padding`; the others count for
-    nothing.
+    cuts off. The length of windows is left as it is unless it is that of the recording. Residuals are those
+    of `problem` in its windows and samples, see :func:`without_padding`; the others count for nothing.
     """
-    own, samples = problem.track.command.shape[0], problem.samples
+    own = problem.track.command.shape[0]
     rows = bucket(own)
     used = math.ceil((problem.share + SLACK) * rows)
+    samples = problem.samples if problem.fixed else bucket(problem.samples)
+    windows = bucket(len(problem.rows))
     if problem.fixed:
         more = len(problem.rows) - math.ceil(problem.share * own / samples)
-        windows = math.ceil(used / samples) + bucket(max(more, 1))
-    else:
-        samples, windows = bucket(samples), bucket(len(problem.rows))
+        windows = max(len(problem.rows), math.ceil(used / samples) + bucket(max(more, 1)))
     total = max(problem.total, min(rows, used + samples))
-    windows = max(windows, len(problem.rows))
     breaks = problem.track.begins is not None
     return padded(problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks)
 
@@ -78,12 +64,13 @@ def vector_without_padding(
     """
     found, begin = [], 0
     for output in outputs:
-        shape = common.weights[output].shape
-        size = math.prod(shape)
-        part = values[..., begin : begin + size].reshape(*values.shape[:-1], shape[0], shape[1], -1)
+        windows, samples, *muscles = common.weights[output].shape
+        columns = math.prod(muscles)
+        end = begin + windows * samples * columns
+        part = values[..., begin:end].reshape(*values.shape[:-1], windows, samples, columns)
         own = part[..., : len(problem.rows), : problem.samples, :]
-        found.append(own.reshape(*values.shape[:-1], -1))
-        begin += size
+        found.append(own.reshape(*values.shape[:-1], math.prod(own.shape[-3:])))
+        begin = end
     return np.concatenate(found, axis=-1)
 
 

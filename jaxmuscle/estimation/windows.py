@@ -21,7 +21,18 @@ from jaxmuscle.simulation import Track
 from jaxmuscle.simulation.track import Observed, observed
 
 LONGEST_BATCH = 64
-"""Windows into which a machine whose inputs are all imposed is cut: no error, only faster."""
+"""Windows at most into which a machine whose inputs are all imposed is cut: no error, only faster."""
+
+FACTOR = 1.25
+"""Ratio of two sizes that follow each other: an eighth of a program's work is padding on average."""
+
+
+def bucket(size: int) -> int:
+    """The smallest size of the series 1, 2, 3, 4, 5, 7, 9, 12, 15, … that is not less than `size`."""
+    found = 1
+    while found < size:
+        found = max(found + 1, math.ceil(FACTOR * found))
+    return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +44,7 @@ class Windows:
         samples: their length.
         mask: whether a sample of a window belongs to its stretch.
         held_out: whether a window lies in a stretch that no fit and no selection may see.
-        fixed: whether a horizon, not the length of the recording, fixes that of a window.
+        fixed: whether recordings of other lengths are cut into windows as long.
     """
 
     rows: Int[np.ndarray, " windows"]
@@ -68,12 +79,13 @@ def cut(
     """Cut stretches (first row, end, held out) into windows of `horizon` seconds.
 
     Without a horizon each stretch is one window, unless the bench imposes every state of the rig: then
-    nothing is started anew at a window's edge and the length is free.
+    nothing is started anew at a window's edge and the length is free; it is then one of a series.
     """
     longest, fixed = max(stop - start for start, stop, _ in stretches), False
     if set(actuator.imposed) >= {*actuator.measured, *actuator.derivatives}:
         total = sum(stop - start for start, stop, _ in stretches)
-        samples = min(longest, max(50, -(-total // LONGEST_BATCH)))
+        wanted = max(50, bucket(-(-total // LONGEST_BATCH)))
+        samples, fixed = min(longest, wanted), wanted <= longest
     elif horizon is None:
         samples = longest
     else:
@@ -98,7 +110,7 @@ class Problem(eqx.Module):
         targets: output → measured values, window by window.
         weights: output → one over the standard deviation to be expected of the residual, zero where masked.
         period: samples after which a link is started anew from what was measured; a window, or part of one.
-        fixed: whether a horizon, not the length of the recording, fixes that of a window.
+        fixed: whether recordings of other lengths are cut into windows as long.
         share: part of the recording's rows that lies in its windows, in hundredths.
         begin: states at the first sample of the recording that are neither as measured nor at rest: name of
             a state, or of the effect whose state it is (an entry of an array by its index), → value.
