@@ -55,10 +55,11 @@ def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
 SHORT_STEPS, LONG_STEPS = 12, 60
 """Steps of the fit from each base, and of the better one of them to its end."""
 SLOW = 1e-3
-"""Fall of the cost over eight steps, relative to it, below which a candidate's search is at its end.
+"""Fall of the cost over eight steps, relative to it, below which a candidate's search, and the fit of any
+model to a fold, is at its end.
 
-With fits of the model without candidates, too, ended like that, practice recording 14 has effects found that
-are not there: what candidates are held against must be as good as it can be.
+With the fits to all windows of the model without candidates ended like that, too, practice recording 14 has
+effects found that are not there: what searches begin with must be as good as it can be.
 """
 
 

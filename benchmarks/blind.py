@@ -1,0 +1,213 @@
+"""Is a diagnosis right on recordings that nobody has seen? Hundreds of fresh random ones, of known truth.
+
+Rigs, constants, motions, effects and their sizes, pairs of effects, white and coloured noise are drawn from
+a seed (`blind_recordings.py`). Every diagnosis is a line of a file; a run that is interrupted goes on where
+it was. Then the file is summed up: which effect was taken for which, how small an effect is still found, how
+often nothing at all was taken for something, whether intervals hold the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from blind_recordings import RANGES, Blind, drawn
+
+import jaxmuscle as jm
+from jaxmuscle.errors import InputError
+from jaxmuscle.formatting import aligned
+
+CLEAN_SHARE, PAIR_SHARE, COLOURED_SHARE = 0.4, 0.15, 0.25
+"""Parts of all recordings that lack nothing, that lack two effects, and whose noise is coloured."""
+SEEN = 5.0
+"""Change of a reading, root mean square in units of its noise, from which an effect has to be found."""
+INTERVAL = 1.96
+WORSE = 1.05
+"""Held-out error after over before from which a diagnosis has done harm."""
+Row = dict[str, Any]
+
+
+def tasks(count: int, rigs: Sequence[str]) -> Iterator[tuple[int, str, int, bool]]:
+    """Seed, rig, number of effects, and whether the noise is coloured; the same for the same numbers."""
+    for seed in range(count):
+        # Steps that fill the unit interval evenly, whatever the count.
+        kind, colour = (seed * 0.6180339887) % 1, (seed * 0.7548776662) % 1
+        effects = 0 if kind < CLEAN_SHARE else 2 if kind > 1 - PAIR_SHARE else 1
+        yield seed, rigs[seed % len(rigs)], effects, colour < COLOURED_SHARE
+
+
+def diagnosed(blind: Blind) -> Row:
+    """A line of the file; a recording that is refused counts as such."""
+    begin = time.perf_counter()
+    row: Row = {"truth": blind.truth, "noise": blind.noise, "shift": round(blind.shift, 2)}
+    try:
+        found = jm.diagnose(blind.recording)
+    except InputError as error:
+        return row | {"refused": str(error).splitlines()[0]}
+    return row | {
+        "found": {
+            effect.name: {
+                "p": effect.p_value,
+                **{name: [p.value, p.std] for name, p in effect.parameters.items()},
+            }
+            for effect in found.effects
+        },
+        "verdict": found.verdict,
+        "before": {c: round(e.in_noise, 3) for c, e in found.before["held_out"].items()},
+        "after": {c: round(e.in_noise, 3) for c, e in found.after["held_out"].items()},
+        "runners_up": [[a.name, round(a.gain, 3)] for a in found.alternatives[:2]],
+        "seconds": round(time.perf_counter() - begin, 1),
+    }
+
+
+def resumed(path: Path) -> dict[tuple[int, str, int, str], Row]:
+    """Lines of the file by what was drawn; a line that was cut off is left out."""
+    rows = {}
+    for line in path.read_text().splitlines() if path.exists() else []:
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError:
+            continue  # the run was interrupted while it wrote this line: it is made again
+        rows[row["seed"], row["rig"], len(row["truth"]), row["noise"]] = row
+    return rows
+
+
+def run(count: int, rigs: Sequence[str], path: Path) -> list[Row]:
+    """Diagnose what the file does not have yet; all rows of this count and these rigs."""
+    had, rows = resumed(path), []
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and not path.read_text().endswith("\n"):
+        with path.open("a") as file:
+            file.write("\n")
+    for seed, rig, effects, coloured in tasks(count, rigs):
+        key = seed, rig, effects, "coloured" if coloured else "white"
+        if key not in had:
+            row = {"seed": seed, "rig": rig, **diagnosed(drawn(seed, rig, effects, coloured))}
+            with path.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            had[key] = row
+            print(line(row), flush=True)
+        rows.append(had[key])
+    return rows
+
+
+def line(row: Row) -> str:
+    """One diagnosis in a line."""
+    truth, found = "+".join(row["truth"]) or "nothing", "+".join(row.get("found", {})) or "-"
+    told = row.get("verdict", row.get("refused"))
+    errors = ", ".join(f"{c} {b:.3g} → {row['after'][c]:.3g}" for c, b in row.get("before", {}).items())
+    return (
+        f"{row['seed']:4d} {row['rig']:9s} {row['noise']:8s} {truth:45s} by {row['shift']:7.2f}: "
+        f"{found:40s} {told}; {errors}; {row.get('seconds', 0)} s"
+    )
+
+
+def figures(rows: Sequence[Row]) -> list[Row]:
+    """The figures that are to be reached, each as a count of how many."""
+    told = [row for row in rows if "found" in row]
+    clean = [row for row in told if not row["truth"]]
+    clear = [row for row in told if row["truth"] and row["shift"] >= SEEN]
+    covered = [inside for row in told for inside in coverage(row)]
+    effects = [row for row in told if row["verdict"] == "effects found"]
+
+    def figure(name: str, goal: float, over: Sequence[Any], right: Callable[[Any], bool]) -> Row:
+        count = sum(map(right, over))
+        share = count / len(over) if over else float("nan")
+        return {"figure": name, "goal": goal, "ours": share, "count": count, "of": len(over),
+                "ok": bool(over) and share >= goal}  # fmt: skip
+
+    return [
+        figure("first effect right, where it can be seen", 0.95, clear, lambda r: first(r) in r["truth"]),
+        figure("exactly the true effects, where they can be seen", 0.85, clear, exact),
+        figure("nothing found where nothing is missing", 0.99, clean, lambda r: not r["found"]),
+        figure("nothing added that is not there", 0.99, told, lambda r: set(r["found"]) <= set(r["truth"])),
+        figure("95 % intervals of effects that hold the truth", 0.90, covered, bool),
+        figure("no held-out error worse where effects were found", 1.0, effects, harmless),
+        figure("recordings that are not refused", 1.0, rows, lambda r: "found" in r),
+    ]
+
+
+def first(row: Row) -> str | None:
+    """The effect that was added first."""
+    return next(iter(row["found"]), None)
+
+
+def exact(row: Row) -> bool:
+    """Whether the effects found are those that are there."""
+    return set(row["found"]) == set(row["truth"])
+
+
+def harmless(row: Row) -> bool:
+    """Whether no held-out error grew."""
+    return all(row["after"][c] <= WORSE * max(before, 1.0) for c, before in row["before"].items())
+
+
+def coverage(row: Row) -> Iterator[bool]:
+    """For each parameter of effects that were rightly found, whether its interval holds the truth.
+
+    Of a parameter that the data do not determine the interval is that of its prior: it is left out.
+    """
+    for name, truth in row["truth"].items():
+        for parameter, value in truth.items():
+            found = row["found"].get(name, {}).get(parameter)
+            if found is not None and 0 < found[1] < abs(found[0]):
+                yield abs(found[0] - value) <= INTERVAL * found[1]
+
+
+def confusion(rows: Sequence[Row]) -> str:
+    """Which effect was added first where which one is there, single ones that can be seen."""
+    pairs: Counter[tuple[str, str]] = Counter()
+    for row in rows:
+        if "found" in row and len(row["truth"]) <= 1 and (not row["truth"] or row["shift"] >= SEEN):
+            pairs[next(iter(row["truth"]), "nothing"), first(row) or f"({row['verdict']})"] += 1
+    truths = dict.fromkeys(truth for truth, _ in sorted(pairs))
+    table = []
+    for truth in truths:
+        own = {found: n for (there, found), n in pairs.most_common() if there == truth}
+        table.append([truth, ", ".join(f"{found} {n}" for found, n in own.items())])
+    return aligned(["there", "added first"], table)
+
+
+def detection(rows: Sequence[Row]) -> str:
+    """How many single effects were added first, by how much they change a reading."""
+    table = []
+    edges = [0, 0.3, 1, 2, 5, 10, 30, float("inf")]
+    singles = [row for row in rows if "found" in row and len(row["truth"]) == 1]
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        some = [row for row in singles if low <= row["shift"] < high]
+        right = sum(first(row) in row["truth"] for row in some)
+        table.append([f"{low:g} to {high:g}", str(right), str(len(some))])
+    return aligned(["change in noise", "found", "of"], table)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=300, help="recordings in all (default 300)")
+    parser.add_argument("--rigs", nargs="*", choices=list(RANGES), default=list(RANGES))
+    parser.add_argument("--file", type=Path, default=Path("blind.jsonl"), help="where diagnoses are kept")
+    parser.add_argument("--json", action="store_true", help="end with one line of JSON")
+    arguments = parser.parse_args()
+    begin = time.perf_counter()
+    rows = run(arguments.count, arguments.rigs, arguments.file)
+    reached = figures(rows)
+    print("\nSingle effects that change a reading by", f"{SEEN:g} times its noise, and clean recordings:")
+    print(confusion(rows), detection(rows), sep="\n\n", end="\n\n")
+    for row in reached:
+        share = f"{row['count']} of {row['of']}"
+        print(f"{'ok' if row['ok'] else 'NO':3s} {row['figure']:55s} {share:12s} goal {row['goal']:.0%}")
+    if arguments.json:
+        print(json.dumps({"benchmark": "blind", "rows": reached, "reached": sum(r["ok"] for r in reached),
+                          "of": len(reached), "machine": platform.processor() or platform.machine(),
+                          "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
