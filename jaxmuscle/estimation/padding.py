@@ -27,9 +27,10 @@ def in_buckets(problem: Problem) -> Problem:
     """The same problem in sizes that recordings of similar lengths have in common.
 
     All of them follow from the number of rows, so that two recordings share all or none: rows in the series,
-    the observer's rows as the same share of them, windows as many as these hold and one for what a break
-    cuts off. The length of windows is left as it is unless it is that of the recording. Residuals are those
-    of `problem` in its windows and samples, see :func:`without_padding`; the others count for nothing.
+    the observer's rows as the same share of them, windows as many as these hold and more for what breaks
+    cut off (one more or less of these makes a difference). The length of windows is left as it is unless it
+    is that of the recording. Residuals are those of `problem` in its windows and samples, see
+    :func:`without_padding`; the others count for nothing.
     """
     own = problem.track.command.shape[0]
     rows = bucket(own)
@@ -38,7 +39,7 @@ def in_buckets(problem: Problem) -> Problem:
     windows = bucket(len(problem.rows))
     if problem.fixed:
         more = len(problem.rows) - math.ceil(problem.share * own / samples)
-        windows = max(len(problem.rows), math.ceil(used / samples) + bucket(max(more, 1)))
+        windows = max(len(problem.rows), math.ceil(used / samples) + (bucket(more) if more > 0 else 0))
     total = max(problem.total, min(rows, used + samples))
     breaks = problem.track.begins is not None
     return padded(problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks)
