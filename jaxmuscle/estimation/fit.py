@@ -321,17 +321,11 @@ def fit(
             a solver that does not step by derivatives.
     """
     require_double_precision("a fit")
-    begin = time.monotonic()
     given = request.given_recordings(actuator, recordings)
-    method = Method(
-        loss_named(loss),
-        noise,
-        starts,
-        request.whole(steps, "steps", 1),
-        request.whole(seed, "seed", 0),
-        begin + request.seconds(budget, "budget"),
-        None if solver is None else steps_by(solver),
-    )
+    steps, seed = request.whole(steps, "steps", 1), request.whole(seed, "seed", 0)
+    deadline = time.monotonic() + request.seconds(budget, "budget")
+    by = None if solver is None else steps_by(solver)
+    method = Method(loss_named(loss), noise, starts, steps, seed, deadline, by)
     asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
     return estimate(actuator, given, asked, masks, method, progress)
 

@@ -125,6 +125,7 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
 _residuals = eqx.filter_jit(residuals)
 _chain_predictions = eqx.filter_jit(chain_predictions)
 Evaluated = dict[str, NDArray[np.float64]]
+"""Output → (windows, samples, …), without padding."""
 
 
 def evaluate(actuator: AbstractActuator, problem: Problem) -> Evaluated:
