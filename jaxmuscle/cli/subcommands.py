@@ -63,11 +63,11 @@ def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
     from jaxmuscle.report.sentence import sentence
 
     table = Table("column", box=None, pad_edge=False, title="Error on unseen data", title_justify="left")
-    heads = ("before", "after") if found.effects else ("error",)
+    heads = ("before", "after") if found.added else ("error",)
     for head in (*heads, "sensor noise"):
         table.add_column(head, justify="right")
     for row in tables.errors(found):
-        before = [row["held_out_before"]] if found.effects else []
+        before = [row["held_out_before"]] if found.added else []
         table.add_row(row["column"], *before, row["held_out_after"], row["noise"])
     output().print(table)
     typer.echo(f"\n{sentence(found)}\n")

@@ -1,26 +1,21 @@
 """Diagnosis (`jaxmuscle.diagnose`): fit, find the effect that unseen data support, add it, refit, repeat;
-then conclude, the only place where held-out rows are looked at.
+then conclude.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import SETTLED, Workbench, missing, workbench
-from jaxmuscle.diagnosis.dependence import reveal, unexplained
-from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.candidates import SETTLED, missing, workbench
+from jaxmuscle.diagnosis.conclusion import FIT_STEPS, Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.excitation import excited
-from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
@@ -31,167 +26,14 @@ from jaxmuscle.diagnosis.ranking import (
     rank,
     round_work,
 )
-from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, FoundEffect, Round, Traces
+from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.estimation.fit import FitResult, Method, estimate
-from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
 from jaxmuscle.parallel import in_background
-from jaxmuscle.parameter_names import of_effect
-from jaxmuscle.parameters import get, replace
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.recording import Recording
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the search found: the two fitted models, what was added, the searches, fits to each fold.
-
-    `ignored`: rows whose readings count for nothing; `None` for none.
-    """
-
-    declared: AbstractActuator
-    model: AbstractActuator
-    found: tuple[Candidate, ...]
-    rounds: tuple[Round, ...]
-    folds: tuple[AbstractActuator, ...]
-    converged: bool
-    ignored: NDArray[np.bool_] | None = None
-
-
-def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> dict[str, float]:
-    """Mean square weighted residual of every output, 1 being what noise and smoothing leave."""
-    found = {}
-    for output, values in bench.residuals(model, problem).items():
-        weighted = np.asarray(problem.weights[output]) > 0
-        found[output] = float((values[weighted] ** 2).mean())
-    return found
-
-
-def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
-    """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
-    names = [candidate.effect.name for candidate in outcome.found]
-    declared = _lean(bench, outcome.declared, [])
-    begun = in_background(lambda: _begun(case, outcome))
-    final = _final_fit(case, bench, outcome, names)
-    before = begun.result()
-    if final:
-        fitted = {entry.path: entry.value for entry in final.parameters.values()}
-        outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
-    missing = missing_rates(case, outcome.model)
-    traces = _traces(case, outcome, before)
-    after = errors(case, traces.after, traces.held_out)
-    left = unexplained(case, missing, mean_squares(bench, outcome.model, training), after)
-    verdict = "effects found" if names else "unexplained" if left else "complete"
-    values = _estimates(final, outcome.folds) if final else {}
-    return Diagnosis(
-        recording=case.recording,
-        verdict=verdict,
-        effects=tuple(_found(candidate, values) for candidate in outcome.found),
-        rounds=outcome.rounds,
-        declared=declared,
-        model=final.actuator if final else _lean(bench, outcome.model, names),
-        fit=final,
-        before=errors(case, traces.before, traces.held_out),
-        after=after,
-        noise={column: noise_of(case, column) for column in traces.measured},
-        units={c: case.actuator.column(c).unit for c in case.recording.columns},
-        horizon=case.recording.card.horizon,
-        held_out_fraction=float(traces.held_out.mean()),
-        unexplained=left,
-        parameters=values,
-        correlations=final.correlations if final else pd.DataFrame(),
-        reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
-        traces=traces,
-        converged=outcome.converged and (final is None or final.code in SETTLED),
-        seconds=time.perf_counter() - begin,
-        settings={
-            "windows": len(case.windows),
-            "held_out_windows": int(case.windows.held_out.sum()),
-            "substeps": case.problem.substeps,
-            "candidates": [effect.name for effect in bench.candidates],
-            "random": "none: nothing is drawn at random",
-        },
-    )
-
-
-def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> AbstractActuator:
-    """The model without the candidates that were not added."""
-    return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
-
-
-def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
-    """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
-
-    It carries the other candidates at zero strength, so that the programs of the search serve it.
-    """
-    model = bench.dressed(outcome.model, names)
-    free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
-    if not free:
-        return None
-    asked = Asked(free, priors=dict(priors))
-    unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
-    found = estimate(model, (case.recording,), asked, unused, Method(program=bench.program(model)))
-    lean = _lean(bench, found.actuator, names)
-    return dataclasses.replace(found, actuator=lean, actuators=(lean,))
-
-
-def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:
-    """Values and standard deviations: those of the final fit, or by how much fits to the folds disagree.
-
-    The delete-a-group jackknife over `folds`, models of the same effects each fitted without a part of the
-    data (Kott, J. Official Statistics 17, 2001), allows for what the model lacks, as no covariance does.
-    """
-    found = {}
-    for name, entry in final.parameters.items():
-        spread = 0.0
-        if len(folds) > 1:
-            values = np.array([float(get(model, entry.path)) for model in folds])
-            spread = float(np.sqrt((len(folds) - 1) * values.var()))
-        found[name] = Estimate(entry.value, max(entry.std, spread), entry.unit, entry.meaning)
-    return found
-
-
-def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
-    effect = candidate.effect
-    return FoundEffect(
-        name=effect.name,
-        signal=effect.slot.name,
-        meaning=(inspect.getdoc(effect) or "").splitlines()[0],
-        source=effect.source,
-        parameters=of_effect(effect.name, values),
-        gain=candidate.evidence.gain,
-        p_value=candidate.evidence.p_value,
-    )
-
-
-def held_out_rows(case: Case) -> NDArray[np.bool_]:
-    """Rows that no fit and no choice may see."""
-    held_out, windows = np.zeros(len(case.recording), dtype=bool), case.windows
-    for row, mask in zip(windows.rows[windows.held_out], windows.mask[windows.held_out], strict=True):
-        held_out[row + np.flatnonzero(mask)] = True
-    return held_out
-
-
-def _begun(case: Case, outcome: Outcome) -> dict[str, NDArray[np.float64]]:
-    """What the declared model predicts; what the found one leaves is computed to have it compiled."""
-    missing_rates(case, outcome.model)
-    return predicted_columns(case, outcome.declared)
-
-
-def _traces(case: Case, outcome: Outcome, before: dict[str, NDArray[np.float64]]) -> Traces:
-    after = predicted_columns(case, outcome.model)
-    return Traces(
-        time=case.recording.time,
-        measured={name: case.recording.columns[name] for name in after},
-        before=before if outcome.found else after,
-        after=after,
-        windows=case.windows.rows,
-        held_out=held_out_rows(case),
-    )
-
 
 MOST_EFFECTS = 3
 LEAST_GAIN = 0.10
@@ -204,7 +46,6 @@ MOST_OF_LITTLE = 0.5
 """Part of the excess error that an effect must remove where most windows miss nothing."""
 TOLD_APART = 0.05
 """p-value below which the best candidate is told apart from another."""
-FIT_STEPS = 60
 PARTS = 4
 """Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth."""
 SPREAD = 2.0

@@ -131,8 +131,18 @@ class Diagnosis:
     """The outcome of :func:`jaxmuscle.diagnose`.
 
     Attributes:
-        verdict: "effects found", "complete" or "unexplained".
-        effects: what was added, in order; `rounds` tells the searches behind it.
+        verdict: "effects found" (supported by unseen training windows and confirmed by the held-out data),
+            "complete" (what is left is noise), "undecided" (between complete and unexplained:
+            `missing_in_noise` says how much may be missing), "not confirmed" (effects were supported, but the
+            held-out errors did not fall) or "unexplained" (something is missing and nothing explains it).
+        effects: what was found, in order; `rounds` tells the searches behind it.
+        unconfirmed: what was added and the verdict does not bear out: held-out data contradict it, or it
+            leaves most of what is missing. `model` has it.
+        refused: effects that unseen windows supported and the last fit does not → why.
+        violated_priors: name of each fitted value that is more than three of the card's standard deviations
+            from the card's value → how many.
+        missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
+            reading on the training data.
         declared: the machine as declared, fitted to all training data.
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
             `None` where the card is sure of everything and nothing was added.
@@ -146,6 +156,10 @@ class Diagnosis:
     recording: Recording
     verdict: str
     effects: tuple[FoundEffect, ...]
+    unconfirmed: tuple[FoundEffect, ...]
+    refused: dict[str, str]
+    violated_priors: dict[str, float]
+    missing_in_noise: float
     rounds: tuple[Round, ...]
     declared: AbstractActuator
     model: AbstractActuator
@@ -168,13 +182,18 @@ class Diagnosis:
     def __repr__(self) -> str:
         """What `print` and a notebook show: verdict, effects with their parameters, errors on unseen data."""
         found = [f"{self.recording.name}: {self.verdict}"]
-        for effect in self.effects:
+        for effect in self.added:
             values = (f"{name} {estimate(e.value, e.std, e.unit)}" for name, e in effect.parameters.items())
             found.append(f"{effect.name}: {', '.join(values)}")
         before, after = self.before["held_out"], self.after["held_out"]
         sizes = {name: (before[name].rmse, e.rmse, self.noise[name]) for name, e in after.items()}
         rows = [(name, *(quantity(x, after[name].unit) for x in each)) for name, each in sizes.items()]
         return "\n".join([*found, aligned(("error on unseen data", "before", "after", "sensor noise"), rows)])
+
+    @property
+    def added(self) -> tuple[FoundEffect, ...]:
+        """Effects that `model` has and the declared one has not, found or not confirmed."""
+        return (*self.effects, *self.unconfirmed)
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:

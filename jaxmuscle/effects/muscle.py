@@ -38,7 +38,9 @@ class PressureDependentEnds(AbstractStaticEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "[T] equation 10"
 
-    amplitude: Scalar = parameter("", "amplitude a_k of the pressure dependence", default=0.0)
+    amplitude: Scalar = parameter(
+        "", "amplitude a_k of the pressure dependence", default=0.0, nonnegative=True
+    )
 
     def value(self, signals: Signals) -> Array:
         muscle, gauge = signals.muscle, signals.gauge_pressure
@@ -84,8 +86,10 @@ class BladderStiffness(AbstractStaticEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "elastic bladder, as in Chou and Hannaford's dead-zone"
 
-    stiffness: Scalar = parameter("N", "force per unit of contraction ratio", default=0.0)
-    threshold_pressure: Scalar = parameter("Pa", "pressure taken up by the bladder", default=0.0, typical=2e4)
+    stiffness: Scalar = parameter("N", "force per unit of contraction ratio", default=0.0, nonnegative=True)
+    threshold_pressure: Scalar = parameter(
+        "Pa", "pressure taken up by the bladder", default=0.0, nonnegative=True, typical=2e4
+    )
 
     def value(self, signals: Signals) -> Array:
         muscle, gauge = signals.muscle, signals.gauge_pressure
@@ -115,7 +119,9 @@ class BladderHoopStiffness(AbstractStaticEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "elastic tube under the kinematics of [T] equation 3"
 
-    wall_stiffness: Scalar = parameter("N", "modulus times cross-section of the wall E A", default=0.0)
+    wall_stiffness: Scalar = parameter(
+        "N", "modulus times cross-section of the wall E A", default=0.0, nonnegative=True
+    )
 
     def value(self, signals: Signals) -> Array:
         muscle = signals.muscle
@@ -147,7 +153,9 @@ class LengthHysteresis(AbstractMemoryEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "[W] equations 1, 3, 5"
 
-    weight: Scalar = parameter("", "half-width of the loop relative to π r0² P", default=0.0)
+    weight: Scalar = parameter(
+        "", "half-width of the loop relative to π r0² P", default=0.0, nonnegative=True
+    )
     asymmetry: Scalar = parameter("", "difference between the two branches", default=0.0, typical=0.1)
     density_width: Scalar = parameter(
         "", "contraction ratio over which the density of thresholds decays", default=0.1, positive=True
@@ -189,7 +197,9 @@ class Creep(AbstractRateEffect):
     )
     source: ClassVar = "standard linear solid, two delayed elements"
 
-    stiffness: Scalar = parameter("N", "delayed force per unit of contraction ratio", default=0.0)
+    stiffness: Scalar = parameter(
+        "N", "delayed force per unit of contraction ratio", default=0.0, nonnegative=True
+    )
     fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
     slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
 

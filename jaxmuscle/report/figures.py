@@ -58,7 +58,7 @@ def residuals_of(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Seri
 
 def _models(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Series]]:
     traces = diagnosis.traces
-    if not diagnosis.effects:
+    if not diagnosis.added:
         return [("model", AFTER, traces.after[column])]
     return [("before", BEFORE, traces.before[column]), ("after", AFTER, traces.after[column])]
 
@@ -131,7 +131,7 @@ def _broken(predicted: Series, traces: Traces) -> Series:
 
 
 def _worth_a_look(diagnosis: Diagnosis, column: str) -> bool:
-    if diagnosis.effects:
+    if diagnosis.added:
         return _improved(diagnosis, column)
     return diagnosis.after["held_out"][column].in_noise > VISIBLE
 
@@ -146,7 +146,7 @@ def _telling_rows(diagnosis: Diagnosis, column: str) -> NDArray[np.int64]:
     traces = diagnosis.traces
     measured, held = traces.measured[column], np.flatnonzero(traces.held_out)
     after = (traces.after[column] - measured) ** 2
-    score = (traces.before[column] - measured) ** 2 - after if diagnosis.effects else after
+    score = (traces.before[column] - measured) ** 2 - after if diagnosis.added else after
     edges = np.append(traces.windows, len(measured))
     whole = [np.arange(start, end) for start, end in itertools.pairwise(edges)]
     windows = [rows for rows in whole if len(rows) > 1 and traces.held_out[rows].all()]
@@ -158,7 +158,7 @@ def trace_caption(diagnosis: Diagnosis, column: str) -> str:
     """What to see in :func:`trace_figure`."""
     name, shown = capital(words(column)), shown_column(diagnosis, column)
     before, after = (part["held_out"][column] for part in (diagnosis.before, diagnosis.after))
-    if not diagnosis.effects:
+    if not diagnosis.added:
         off = f"off by {shown.error(after.rmse)} on unseen data"
         return f"{name}: the model is {off}, {rounded(after.in_noise)} times the sensor noise."
     if _improved(diagnosis, column):

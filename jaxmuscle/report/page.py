@@ -15,6 +15,7 @@ import jaxmuscle
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.report import tables
+from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.figures import (
     correlation_figure,
     ranking_figure,
@@ -73,6 +74,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "d": diagnosis,
         "recording": diagnosis.recording,
         "sentence": sentence(diagnosis),
+        "doubts": doubts(diagnosis),
         "errors": tables.errors(diagnosis),
         "effects": tables.effects(diagnosis),
         "parameters": tables.fitted(diagnosis),

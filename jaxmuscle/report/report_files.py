@@ -15,6 +15,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.estimation import FitResult
 from jaxmuscle.estimation.fit_files import as_json
 from jaxmuscle.files import atomic_write
+from jaxmuscle.formatting import words
 from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings.card import Card, can_declare
@@ -29,6 +30,12 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
         {
             "verdict": diagnosis.verdict,
             "effects": [_effect(effect) for effect in diagnosis.effects],
+            "unconfirmed": [_effect(effect) for effect in diagnosis.unconfirmed],
+            "refused": [{"name": name, "why": why} for name, why in diagnosis.refused.items()],
+            "violated_priors": [
+                {"name": name, "standard_deviations": far} for name, far in diagnosis.violated_priors.items()
+            ],
+            "missing_in_noise": diagnosis.missing_in_noise,
             "alternatives": [
                 {
                     "name": other.name,
@@ -137,7 +144,7 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
     machine = diagnosis.model.effects
     holds = {name for name, effect in machine.items() if can_declare(name, effect)}
     # Parameters of an added effect that were not fitted are still part of it.
-    found = {effect.name for effect in diagnosis.effects}
+    found = {effect.name for effect in diagnosis.added}
     for path, entry in parameters(diagnosis.model).items():
         effect, name = split_effect(path)
         if effect is not None and effect not in holds:
@@ -145,7 +152,7 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
         elif effect in found:
             effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
     fitted = {
-        effect_path(e.name, name): value for e in diagnosis.effects for name, value in e.parameters.items()
+        effect_path(e.name, name): value for e in diagnosis.added for name, value in e.parameters.items()
     }
     for path, estimate in {**fitted, **diagnosis.parameters}.items():
         effect, name = split_effect(path)
@@ -153,6 +160,7 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
             values[name] = _card_estimate(estimate)
         elif effect in holds:
             effects.setdefault(effect, {})[name] = _card_estimate(estimate)
+    told += [f"{words(effect.name)}: not confirmed" for effect in diagnosis.unconfirmed]
     return diagnosis.recording.card.updated(values, effects).telling(told)
 
 

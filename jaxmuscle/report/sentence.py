@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
-from jaxmuscle.formatting import capital, listed, words
+from jaxmuscle.formatting import capital, listed, parameter_words, words
 from jaxmuscle.report.tables import shown_column
 
 NO_BETTER = 0.98
@@ -15,17 +15,24 @@ FAR = 3.0
 
 def sentence(diagnosis: Diagnosis) -> str:
     """What a lab mate should know first; errors are those on unseen data, in the units of the card."""
-    if diagnosis.verdict == "complete":
-        return _complete(diagnosis)
-    if diagnosis.verdict == "unexplained":
-        return _unexplained(diagnosis)
-    return _found(diagnosis)
+    said = BY_VERDICT[diagnosis.verdict](diagnosis)
+    return f"{said} {_against_the_card(diagnosis)}".rstrip()
+
+
+def _against_the_card(diagnosis: Diagnosis) -> str:
+    """The value that contradicts the card most; "" if none does."""
+    if not diagnosis.violated_priors:
+        return ""
+    name, far = next(iter(diagnosis.violated_priors.items()))
+    return (
+        f"But {parameter_words(name)} comes out {formatting.rounded(far)} standard deviations from the card."
+    )
 
 
 def telling_column(diagnosis: Diagnosis) -> str:
     """The predicted column in which most was gained, or is left to gain, in units of its noise."""
     before, after = diagnosis.before["held_out"], diagnosis.after["held_out"]
-    if diagnosis.effects and diagnosis.verdict != "unexplained":
+    if diagnosis.added and diagnosis.verdict != "unexplained":
         return max(after, key=lambda column: before[column].in_noise - after[column].in_noise)
     return max(after, key=lambda column: after[column].in_noise)
 
@@ -35,9 +42,9 @@ def indistinguishable(diagnosis: Diagnosis) -> list[str]:
 
     Those that were added later are no rivals of it: the model has both.
     """
-    if not diagnosis.effects:
+    if not diagnosis.added:
         return []
-    added = {effect.name for effect in diagnosis.effects}
+    added = {effect.name for effect in diagnosis.added}
     return [words(a.name) for a in diagnosis.alternatives if not a.told_apart and a.name not in added]
 
 
@@ -70,11 +77,32 @@ def _found(diagnosis: Diagnosis) -> str:
 
 
 def _complete(diagnosis: Diagnosis) -> str:
+    return f"Nothing is missing: the declared model predicts unseen data to {_levels(diagnosis)}."
+
+
+def _levels(diagnosis: Diagnosis) -> str:
     errors = diagnosis.after["held_out"]
     parts = [f"{words(c)} {shown_column(diagnosis, c).error(error.rmse)}" for c, error in errors.items()]
     worst = formatting.rounded(max(error.in_noise for error in errors.values()))
-    ability = f"predicts unseen data to {worst} times the sensor noise ({', '.join(parts)})"
-    return f"Nothing is missing: the declared model {ability}."
+    return f"{worst} times the sensor noise ({', '.join(parts)})"
+
+
+def _undecided(diagnosis: Diagnosis) -> str:
+    size = formatting.rounded(diagnosis.missing_in_noise)
+    return (
+        f"No effect is supported by this recording, but something of about {size} times the sensor noise may "
+        f"be missing: the declared model predicts unseen data to {_levels(diagnosis)}."
+    )
+
+
+def _unconfirmed(diagnosis: Diagnosis) -> str:
+    column = telling_column(diagnosis)
+    shown = shown_column(diagnosis, column)
+    before, after = (part["held_out"][column].rmse for part in (diagnosis.before, diagnosis.after))
+    return (
+        f"Not confirmed: training data support {_added(diagnosis)}, but on unseen data the errors did not "
+        f"fall ({words(column)} {shown.error(before)} before, {shown.error(after)} after)."
+    )
 
 
 def _unexplained(diagnosis: Diagnosis) -> str:
@@ -87,7 +115,7 @@ def _unexplained(diagnosis: Diagnosis) -> str:
         where = f"; it acts on the {words(most.signal)}" + (
             f" and depends on {variables}" if variables else ""
         )
-    first = f"Even with {_added(diagnosis)}, something" if diagnosis.effects else "Something"
+    first = f"Even with {_added(diagnosis)}, something" if diagnosis.added else "Something"
     return (
         f"{first} is missing that no effect of the catalogue explains: "
         f"on unseen data {words(column)} is off by {off}{where}."
@@ -95,9 +123,18 @@ def _unexplained(diagnosis: Diagnosis) -> str:
 
 
 def _added(diagnosis: Diagnosis) -> str:
-    return listed([effect_phrase(diagnosis, effect) for effect in diagnosis.effects])
+    return listed([effect_phrase(diagnosis, effect) for effect in diagnosis.added])
 
 
 def _off(diagnosis: Diagnosis, column: str, error: Error) -> str:
     size = shown_column(diagnosis, column).error(error.rmse)
     return f"{size} ({formatting.rounded(error.in_noise)} times the sensor noise)"
+
+
+BY_VERDICT = {
+    "effects found": _found,
+    "complete": _complete,
+    "undecided": _undecided,
+    "not confirmed": _unconfirmed,
+    "unexplained": _unexplained,
+}

@@ -105,7 +105,7 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
                 for name, e in effect.parameters.items()
             ],
         }
-        for effect in diagnosis.effects
+        for effect in diagnosis.added
     ]
 
 

@@ -54,7 +54,7 @@ def recording() -> Recording:
 @functools.cache
 def diagnosis(verdict: str) -> Diagnosis:
     """An outcome with the given verdict."""
-    found = verdict == "effects found"
+    found = verdict in ("effects found", "not confirmed")
     traces = _traces(verdict)
     model = actuator_from_card(recording().card)
     fitted = {name: e for name, e in PARAMETERS.items() if found or name != FORCE}
@@ -74,12 +74,18 @@ def diagnosis(verdict: str) -> Diagnosis:
     unexplained = {
         "effects found": (Unexplained("mass_flow", 0.12, ("pressure",), 1.3),),
         "complete": (),
+        "undecided": (),
+        "not confirmed": (),
         "unexplained": (Unexplained("load", 0.71, ("position", "velocity"), 41.0),),
     }
     return Diagnosis(
         recording=recording(),
         verdict=verdict,
-        effects=(effect,) if found else (),
+        effects=(effect,) if verdict == "effects found" else (),
+        unconfirmed=(effect,) if verdict == "not confirmed" else (),
+        refused={"creep": "its strength is not sure"} if found else {},
+        violated_priors={"end_factor": 4.2} if verdict == "not confirmed" else {},
+        missing_in_noise={"undecided": 2.3, "unexplained": 41.0}.get(verdict, 0.1),
         rounds=searches if found else (Round(1.02, poor, None),),
         declared=model,
         model=model.with_effects(load_friction=friction(force=16.21)) if found else model,

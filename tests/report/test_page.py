@@ -13,7 +13,7 @@ from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
 from jaxmuscle.report.style import extremes
 
-VERDICTS = ("effects found", "complete", "unexplained")
+VERDICTS = ("effects found", "complete", "undecided", "not confirmed", "unexplained")
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -42,6 +42,8 @@ def test_page_is_one_file_with_the_sentence_first(verdict: str) -> None:
         ),
         ("complete", "<h2>Nothing is missing</h2>"),
         ("unexplained", "No guess is made at what it is"),
+        ("undecided", "<h2>Something may be missing</h2>"),
+        ("not confirmed", "<h2>Held-out data do not confirm it</h2>"),
     ],
 )
 def test_page_says_what_the_verdict_means(verdict: str, told: str) -> None:
@@ -110,3 +112,11 @@ def test_thinning_keeps_peaks_and_gaps() -> None:
     rows = extremes(values, 200)
     assert len(rows) < 320
     assert {1234, 7777, 5000, 0, 9999} <= set(rows.tolist())
+
+
+def test_doubts_stand_in_a_box_at_the_top() -> None:
+    text = html.unescape(page(diagnosis("not confirmed")))
+    box = text[text.index("<b>Doubts</b>") : text.index("<table>")]
+    assert "End factor comes out 4.2 standard deviations from the card" in box
+    assert "Creep helped on unseen training windows and was taken out again" in box
+    assert "<b>Doubts</b>" not in page(diagnosis("complete"))

@@ -19,7 +19,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, actuator_from_card
 from jaxmuscle.report import report_files as module
 from jaxmuscle.report.page import page
-from jaxmuscle.report.report_files import result, write
+from jaxmuscle.report.report_files import fitted_card, result, write
 
 
 def test_three_files(tmp_path: Path) -> None:
@@ -146,9 +146,14 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
         write(diagnosis("complete"), tmp_path / "taken" / "out", report=False)
 
 
+VERDICTS = ("effects found", "complete", "undecided", "not confirmed", "unexplained")
 KEYS = {
     "verdict",
     "effects",
+    "unconfirmed",
+    "refused",
+    "violated_priors",
+    "missing_in_noise",
     "alternatives",
     "before",
     "after",
@@ -163,7 +168,7 @@ KEYS = {
 }
 
 
-@pytest.mark.parametrize("verdict", ["effects found", "complete", "unexplained"])
+@pytest.mark.parametrize("verdict", VERDICTS)
 def test_round_trip_with_the_promised_keys(verdict: str) -> None:
     outcome = result(diagnosis(verdict))
     assert json.loads(json.dumps(outcome, allow_nan=False)) == outcome
@@ -200,3 +205,11 @@ def test_what_is_not_finite_becomes_null() -> None:
     )
     assert outcome["parameters"] == {"end_factor": {"value": 1.3, "std": None, "unit": ""}}
     assert outcome["seconds"] is None
+
+
+def test_what_is_not_confirmed_is_no_effect_of_the_result_and_told_in_the_card() -> None:
+    contradicted = diagnosis("not confirmed")
+    outcome = result(contradicted)
+    assert outcome["effects"] == [] and [e["name"] for e in outcome["unconfirmed"]] == ["load_friction"]
+    assert outcome["violated_priors"] == [{"name": "end_factor", "standard_deviations": 4.2}]
+    assert "load friction: not confirmed" in fitted_card(contradicted).description

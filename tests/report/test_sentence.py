@@ -82,3 +82,15 @@ def test_several_parameters_name_the_strength() -> None:
         effect, parameters={**effect.parameters, "width": effect.parameters["force"]}
     )
     assert "load friction (force 16.2 ± 0.4 N)." in sentence(dataclasses.replace(found, effects=(several,)))
+
+
+def test_undecided_says_how_much_may_be_missing() -> None:
+    text = sentence(diagnosis("undecided"))
+    assert text.startswith("No effect is supported by this recording, but something of about 2.3 times")
+
+
+def test_not_confirmed_gives_both_errors_and_the_value_that_contradicts_the_card() -> None:
+    text = sentence(diagnosis("not confirmed"))
+    assert text.startswith("Not confirmed: training data support load friction, 16.2 ± 0.4 N, but on unseen")
+    assert " before, " in text and " after)." in text
+    assert text.endswith("But end factor comes out 4.2 standard deviations from the card.")

@@ -1,0 +1,234 @@
+"""Conclusion of a diagnosis: the last fit, effects that it does not bear out, held-out errors, the verdict.
+
+The only place where held-out rows are looked at.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import time
+from collections.abc import Collection, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import SETTLED, Workbench, strength_path
+from jaxmuscle.diagnosis.dependence import reveal, unexplained
+from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns
+from jaxmuscle.diagnosis.ranking import Candidate
+from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Round, Traces
+from jaxmuscle.diagnosis.verdict import (
+    confirmed,
+    doubted,
+    imitating,
+    missing_in_noise,
+    verdict,
+    violated_priors,
+)
+from jaxmuscle.estimation.fit import FitResult, Method, estimate
+from jaxmuscle.estimation.request import Asked
+from jaxmuscle.estimation.windows import Case, Problem
+from jaxmuscle.parallel import in_background
+from jaxmuscle.parameter_names import of_effect
+from jaxmuscle.parameters import get, replace
+
+FIT_STEPS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the search found: the two fitted models, what was added, the searches, fits to each fold.
+
+    `ignored`: rows whose readings count for nothing; `None` for none.
+    """
+
+    declared: AbstractActuator
+    model: AbstractActuator
+    found: tuple[Candidate, ...]
+    rounds: tuple[Round, ...]
+    folds: tuple[AbstractActuator, ...]
+    converged: bool
+    ignored: NDArray[np.bool_] | None = None
+
+
+def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> dict[str, float]:
+    """Mean square weighted residual of every output, 1 being what noise and smoothing leave."""
+    found = {}
+    for output, values in bench.residuals(model, problem).items():
+        weighted = np.asarray(problem.weights[output]) > 0
+        found[output] = float((values[weighted] ** 2).mean())
+    return found
+
+
+def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
+    """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
+    declared = _lean(bench, outcome.declared, [])
+    before_squares = mean_squares(bench, outcome.declared, training)
+    begun = in_background(lambda: _begun(case, outcome))
+    outcome, final, refused = _borne_out(case, bench, training, outcome)
+    names = [candidate.effect.name for candidate in outcome.found]
+    values = _estimates(final, outcome.folds) if final else {}
+    effects = tuple(_found(candidate, values) for candidate in outcome.found)
+    missing = missing_rates(case, outcome.model)
+    traces = _traces(case, outcome, begun.result())
+    before, after = (errors(case, each, traces.held_out) for each in (traces.before, traces.after))
+    squares = mean_squares(bench, outcome.model, training)
+    left = unexplained(case, missing, squares, after)
+    may_miss = missing_in_noise(final, squares)
+    said = verdict(
+        found=bool(names),
+        left=bool(left),
+        missing=may_miss,
+        confirms=confirmed(before, after),
+        imitates=imitating(before_squares, squares),
+    )
+    holds = said == "effects found"
+    return Diagnosis(
+        recording=case.recording,
+        verdict=said,
+        effects=effects if holds else (),
+        unconfirmed=() if holds else effects,
+        refused=refused,
+        violated_priors=violated_priors(final, case.priors),
+        missing_in_noise=may_miss,
+        rounds=outcome.rounds,
+        declared=declared,
+        model=final.actuator if final else _lean(bench, outcome.model, names),
+        fit=final,
+        before=before,
+        after=after,
+        noise={column: noise_of(case, column) for column in traces.measured},
+        units={c: case.actuator.column(c).unit for c in case.recording.columns},
+        horizon=case.recording.card.horizon,
+        held_out_fraction=float(traces.held_out.mean()),
+        unexplained=left,
+        parameters=values,
+        correlations=final.correlations if final else pd.DataFrame(),
+        reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
+        traces=traces,
+        converged=outcome.converged and (final is None or final.code in SETTLED),
+        seconds=time.perf_counter() - begin,
+        settings={
+            "windows": len(case.windows),
+            "held_out_windows": int(case.windows.held_out.sum()),
+            "substeps": case.problem.substeps,
+            "candidates": [effect.name for effect in bench.candidates],
+            "random": "none: nothing is drawn at random",
+        },
+    )
+
+
+def _borne_out(
+    case: Case, bench: Workbench, training: Problem, outcome: Outcome
+) -> tuple[Outcome, FitResult | None, dict[str, str]]:
+    """The outcome with the values of the last fit, without effects that this fit does not bear out.
+
+    Returns:
+        outcome, last fit, and name of each effect that was taken out again → why.
+    """
+    refused: dict[str, str] = {}
+    while True:
+        names = [candidate.effect.name for candidate in outcome.found]
+        final = _final_fit(case, bench, outcome, names)
+        if final is None:
+            return outcome, None, refused
+        fitted = {entry.path: entry.value for entry in final.parameters.values()}
+        outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
+        values = _estimates(final, outcome.folds)
+        strengths = {c.effect.name: c.effect.strength for c in outcome.found}
+        reasons = doubted([_found(candidate, values) for candidate in outcome.found], strengths)
+        if not reasons:
+            return outcome, final, refused
+        refused |= reasons
+        outcome = _without(bench, training, outcome, reasons)
+
+
+def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Collection[str]) -> Outcome:
+    """The outcome without some of its effects, everything else fitted again."""
+    kept = tuple(candidate for candidate in outcome.found if candidate.effect.name not in refused)
+    gone = {strength_path(c.effect): 0.0 for c in outcome.found if c not in kept}
+    names = [candidate.effect.name for candidate in kept]
+    model = bench.dressed(replace(outcome.model, gone), names)
+    model, minimum = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
+    converged = outcome.converged and minimum.code in SETTLED
+    return dataclasses.replace(outcome, model=model, found=kept, folds=(), converged=converged)
+
+
+def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> AbstractActuator:
+    """The model without the candidates that were not added."""
+    return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
+
+
+def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
+    """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
+
+    It carries the other candidates at zero strength, so that the programs of the search serve it.
+    """
+    model = bench.dressed(outcome.model, names)
+    free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
+    if not free:
+        return None
+    asked = Asked(free, priors=dict(priors))
+    unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
+    found = estimate(model, (case.recording,), asked, unused, Method(program=bench.program(model)))
+    lean = _lean(bench, found.actuator, names)
+    return dataclasses.replace(found, actuator=lean, actuators=(lean,))
+
+
+def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:
+    """Values and standard deviations: those of the final fit, or by how much fits to the folds disagree.
+
+    The delete-a-group jackknife over `folds`, models of the same effects each fitted without a part of the
+    data (Kott, J. Official Statistics 17, 2001), allows for what the model lacks, as no covariance does.
+    """
+    found = {}
+    for name, entry in final.parameters.items():
+        spread = 0.0
+        if len(folds) > 1:
+            values = np.array([float(get(model, entry.path)) for model in folds])
+            spread = float(np.sqrt((len(folds) - 1) * values.var()))
+        found[name] = Estimate(entry.value, max(entry.std, spread), entry.unit, entry.meaning)
+    return found
+
+
+def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
+    effect = candidate.effect
+    return FoundEffect(
+        name=effect.name,
+        signal=effect.slot.name,
+        meaning=(inspect.getdoc(effect) or "").splitlines()[0],
+        source=effect.source,
+        parameters=of_effect(effect.name, values),
+        gain=candidate.evidence.gain,
+        p_value=candidate.evidence.p_value,
+    )
+
+
+def held_out_rows(case: Case) -> NDArray[np.bool_]:
+    """Rows that no fit and no choice may see."""
+    held_out, windows = np.zeros(len(case.recording), dtype=bool), case.windows
+    for row, mask in zip(windows.rows[windows.held_out], windows.mask[windows.held_out], strict=True):
+        held_out[row + np.flatnonzero(mask)] = True
+    return held_out
+
+
+def _begun(case: Case, outcome: Outcome) -> dict[str, NDArray[np.float64]]:
+    """What the declared model predicts; what the found one leaves is computed to have it compiled."""
+    missing_rates(case, outcome.model)
+    return predicted_columns(case, outcome.declared)
+
+
+def _traces(case: Case, outcome: Outcome, before: dict[str, NDArray[np.float64]]) -> Traces:
+    after = predicted_columns(case, outcome.model)
+    return Traces(
+        time=case.recording.time,
+        measured={name: case.recording.columns[name] for name in after},
+        before=before if outcome.found else after,
+        after=after,
+        windows=case.windows.rows,
+        held_out=held_out_rows(case),
+    )

@@ -1,0 +1,107 @@
+"""Verdict of a diagnosis: what its final residual, its parameters and the held-out data allow to say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
+from jaxmuscle.estimation.fit import FitResult
+from jaxmuscle.estimation.free_parameters import Prior
+
+MISSING = 0.5
+"""Root mean square of what may be missing in a reading, in units of its noise, up to which nothing is said
+to be missing: a residual of 1.12 noise units where 1 is expected."""
+IMITATED = 0.5
+"""Part of the logarithm of the residual, in units of the noise, that effects have to remove where they leave
+something unexplained: with less, they imitate part of something else."""
+SURE = 2.0
+"""Standard deviations by which the strength of an effect has to differ from none."""
+VIOLATED = 3.0
+"""Standard deviations of the card from which a fitted value contradicts it."""
+
+Errors = Mapping[str, Mapping[str, Error]]
+
+
+def missing_in_noise(final: FitResult | None, squares: Mapping[str, float]) -> float:
+    """Root mean square of what may be missing in a reading, in units of its noise; of the worst reading.
+
+    Args:
+        final: the last fit, whose residuals are free of what windows share by the states they begin with.
+        squares: mean square weighted residual of each output, taken where there was nothing to fit.
+    """
+    levels = list(squares.values())
+    if final is not None:
+        levels = [noise.ratio**2 for columns in final.noise.values() for noise in columns.values()]
+    return math.sqrt(max(0.0, *(level - 1 for level in levels if math.isfinite(level)), 0.0))
+
+
+def doubted(found: Sequence[FoundEffect], strengths: Mapping[str, str]) -> dict[str, str]:
+    """Name of each effect whose strength is not sure to differ from none → why.
+
+    Args:
+        strengths: name of an effect → its strength's name.
+    """
+    reasons = {}
+    for effect in found:
+        strength = effect.parameters.get(strengths[effect.name])
+        if strength is not None and not differs_from_none(strength):
+            reasons[effect.name] = "its strength does not differ from none by two standard deviations"
+    return reasons
+
+
+def differs_from_none(strength: Estimate) -> bool:
+    """Whether a strength is more than :data:`SURE` standard deviations from zero."""
+    return abs(strength.value) > 0 and abs(strength.value) >= SURE * strength.std
+
+
+def violated_priors(final: FitResult | None, priors: Mapping[str, Prior]) -> dict[str, float]:
+    """Name of each value that is further than :data:`VIOLATED` from the card's → by how many of its std."""
+    found = {}
+    for name, entry in final.parameters.items() if final else ():
+        prior = priors.get(entry.path)
+        if prior is not None and abs(entry.value - prior.mean) > VIOLATED * prior.std:
+            found[name] = abs(entry.value - prior.mean) / prior.std
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def confirmed(before: Errors, after: Errors) -> bool:
+    """Whether the held-out errors fell: their geometric mean over the columns.
+
+    Errors below the sensor's noise count as that: less can only be chance.
+    """
+    fell = 0.0
+    for column, error in after["held_out"].items():
+        fell += math.log(max(before["held_out"][column].in_noise, 1.0) / max(error.in_noise, 1.0))
+    return fell > 0
+
+
+def imitating(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether what was added removes so little of the worst residual that it must be something else.
+
+    Args:
+        before, after: output → mean square weighted residual without what was added, and with it.
+    """
+    worst = max(after, key=after.__getitem__)
+    if after[worst] <= 1:
+        return False
+    return math.log(after[worst]) > (1 - IMITATED) * math.log(max(before[worst], after[worst], 1.0))
+
+
+def verdict(*, found: bool, left: bool, missing: float, confirms: bool, imitates: bool) -> str:
+    """The verdict, one of those that :class:`~jaxmuscle.diagnosis.result.Diagnosis` lists.
+
+    Args:
+        found: whether effects were added and are left after the final fit.
+        left: whether a reading is left with errors far above its noise.
+        missing: as of :func:`missing_in_noise`.
+        confirms: whether the held-out errors fell.
+        imitates: whether the effects imitate part of something else.
+    """
+    if found and left and imitates:
+        return "unexplained"
+    if found:
+        return "effects found" if confirms else "not confirmed"
+    if left:
+        return "unexplained"
+    return "undecided" if missing > MISSING else "complete"

@@ -1,0 +1,41 @@
+"""Doubts of a diagnosis: what a reader has to know before relying on it, a sentence each."""
+
+from __future__ import annotations
+
+from jaxmuscle import formatting
+from jaxmuscle.diagnosis.result import Diagnosis, FoundEffect
+from jaxmuscle.diagnosis.verdict import MISSING
+from jaxmuscle.formatting import capital, parameter_words, words
+
+UNDETERMINED = 1.0
+"""Standard deviation relative to the value above which a parameter counts as not determined."""
+
+
+def doubts(diagnosis: Diagnosis) -> list[str]:
+    """All of them, the weightiest first; empty when there is none."""
+    found = [
+        f"{capital(parameter_words(name))} comes out {formatting.rounded(distance)} standard deviations from "
+        f"the card: either the card is wrong, or this value makes up for something that the model lacks."
+        for name, distance in diagnosis.violated_priors.items()
+    ]
+    if diagnosis.added and diagnosis.missing_in_noise > MISSING:
+        found.append(
+            f"About {formatting.rounded(diagnosis.missing_in_noise)} times the sensor noise is still missing "
+            f"where the model was fitted."
+        )
+    found += [
+        f"{capital(words(name))} helped on unseen training windows and was taken out again: {why}."
+        for name, why in diagnosis.refused.items()
+    ]
+    return found + [told for effect in diagnosis.added for told in _undetermined(diagnosis, effect)]
+
+
+def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
+    """Parameters of an effect other than its strength of which the data say nothing."""
+    strength = diagnosis.model.effects[effect.name].strength
+    return [
+        f"The {words(name)} of {words(effect.name)} is not determined by this recording "
+        f"({formatting.estimate(e.value, e.std, e.unit)})."
+        for name, e in effect.parameters.items()
+        if name != strength and not e.std <= UNDETERMINED * abs(e.value)
+    ]

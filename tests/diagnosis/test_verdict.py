@@ -1,0 +1,89 @@
+"""The verdict, from what a diagnosis leaves, adds, and predicts of held-out data."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
+from jaxmuscle.diagnosis.verdict import (
+    confirmed,
+    doubted,
+    imitating,
+    missing_in_noise,
+    verdict,
+    violated_priors,
+)
+from jaxmuscle.estimation.free_parameters import Prior
+
+
+def held_out(**in_noise: float) -> dict[str, dict[str, Error]]:
+    return {"held_out": {name: Error(1.0, "m", 1.0, size) for name, size in in_noise.items()}}
+
+
+def fit(*ratios: float, **parameters: tuple[float, str]) -> Any:
+    noise = {"lift": {str(i): SimpleNamespace(ratio=ratio) for i, ratio in enumerate(ratios)}}
+    entries = {n: SimpleNamespace(value=value, path=path) for n, (value, path) in parameters.items()}
+    return SimpleNamespace(noise=noise, parameters=entries)
+
+
+def friction(value: float, std: float) -> FoundEffect:
+    return FoundEffect("load_friction", "load", "", "", {"force": Estimate(value, std, "N", "")}, 0.9, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("found", "left", "missing", "confirms", "imitates", "said"),
+    [
+        (False, False, 0.1, False, False, "complete"),
+        (False, False, 2.3, False, False, "undecided"),
+        (False, True, 9.0, False, False, "unexplained"),
+        (True, False, 0.1, True, False, "effects found"),
+        (True, True, 9.0, True, False, "effects found"),
+        (True, False, 0.1, False, False, "not confirmed"),
+        (True, True, 90.0, True, True, "unexplained"),
+    ],
+)
+def test_every_case(
+    found: bool, left: bool, missing: float, confirms: bool, imitates: bool, said: str
+) -> None:
+    case = {"found": found, "left": left, "missing": missing, "confirms": confirms, "imitates": imitates}
+    assert verdict(**case) == said  # pyright: ignore[reportArgumentType]
+
+
+def test_missing_is_what_a_residual_has_beyond_the_noise_of_the_worst_reading() -> None:
+    assert missing_in_noise(fit(1.0, math.sqrt(2.0)), {"position": 400.0}) == pytest.approx(1.0)
+    assert missing_in_noise(fit(0.8, 0.9), {}) == 0.0
+    # Without a fit, from the weighted residuals as they are.
+    assert missing_in_noise(None, {"position": 5.0, "pressure": 0.9}) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("value", "std", "sure"), [(14.0, 0.2, True), (-3.0, 1.0, True), (0.3, 0.2, False)])
+def test_an_effect_within_two_standard_deviations_of_none_is_doubted(
+    value: float, std: float, sure: bool
+) -> None:
+    reasons = doubted([friction(value, std)], {"load_friction": "force"})
+    assert bool(reasons) is not sure
+
+
+def test_an_effect_that_ends_at_none_is_doubted_though_its_std_is_zero() -> None:
+    assert doubted([friction(0.0, 0.0)], {"load_friction": "force"})
+
+
+def test_held_out_errors_confirm_by_their_mean_and_not_below_the_noise() -> None:
+    assert confirmed(held_out(position=9.0, pressure=1.1), held_out(position=1.2, pressure=1.2))
+    assert not confirmed(held_out(position=2.0, pressure=1.5), held_out(position=2.1, pressure=1.5))
+    assert not confirmed(held_out(force=0.99), held_out(force=0.9))
+
+
+def test_what_leaves_most_of_a_large_residual_imitates() -> None:
+    assert imitating({"angle": 170.0**2}, {"angle": 117.0**2})
+    assert not imitating({"angle": 400.0**2}, {"angle": 7.0**2})
+    assert not imitating({"angle": 4.0**2}, {"angle": 0.9**2})
+
+
+def test_a_value_far_from_the_card_is_named_with_its_distance() -> None:
+    priors = {"muscle.end_factor": Prior(1.3, 0.05), "valve.area": Prior(1e-6, 1e-7)}
+    final = fit(1.0, end_factor=(1.1, "muscle.end_factor"), valve_area=(1.1e-6, "valve.area"))
+    assert violated_priors(final, priors) == {"end_factor": pytest.approx(4.0)}
+    assert violated_priors(None, priors) == {}
