@@ -30,6 +30,7 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
+from jaxmuscle.estimation.prepare import DISCREPANCY
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
@@ -78,7 +79,8 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     before, after = (errors(case, each, traces.held_out) for each in (traces.before, traces.after))
     squares = mean_squares(bench, outcome.model, training)
     left = unexplained(case, missing, squares, after)
-    may_miss = missing_in_noise(final, squares)
+    noise = {column: noise_of(case, column) for column in traces.measured}
+    may_miss = missing_in_noise(final, squares, noise)
     said = verdict(
         found=bool(names),
         left=bool(left),
@@ -101,7 +103,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         fit=final,
         before=before,
         after=after,
-        noise={column: noise_of(case, column) for column in traces.measured},
+        noise=noise,
         units={c: case.actuator.column(c).unit for c in case.recording.columns},
         horizon=case.recording.card.horizon,
         held_out_fraction=float(traces.held_out.mean()),
@@ -174,7 +176,9 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
         return None
     asked = Asked(free, priors=dict(priors))
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
-    found = estimate(model, (case.recording,), asked, unused, Method(program=bench.program(model)))
+    found = estimate(
+        model, (case.recording,), asked, unused, Method(noise=DISCREPANCY, program=bench.program(model))
+    )
     lean = _lean(bench, found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 

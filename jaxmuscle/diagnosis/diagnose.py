@@ -36,14 +36,14 @@ from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.recording import Recording
 
 MOST_EFFECTS = 3
-LEAST_GAIN = 0.10
-"""Part of the excess error on unseen windows that an effect must remove."""
+LEAST_GAIN = 0.05
+"""Part of the excess error on unseen windows that an effect must remove: a candidate that removes less where
+it is fitted is not judged."""
 LARGEST_P = 0.01
-"""p-value up to which the first effect is added; half of that for the second, a quarter for the third."""
+"""p-value, of all candidates together, up to which the first effect is added; half of that for the second, a
+quarter for the third."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
-MOST_OF_LITTLE = 0.5
-"""Part of the excess error that an effect must remove where most windows miss nothing."""
 TOLD_APART = 0.05
 """p-value below which the best candidate is told apart from another."""
 PARTS = 4
@@ -67,11 +67,12 @@ def diagnose(
     """Fit the model that a recording's card declares and find what it lacks.
 
     Every round fits the present model and the model with each candidate on some of the training windows
-    and judges them on the others, fold by fold. The best candidate is added when it removes at least a
-    tenth of the excess error on unseen windows with p < 0.01 (the second with p < 0.005, the third with
-    p < 0.0025); everything is refitted; at most three effects are added. The held-out rows take no part in
-    that: they give the errors that are reported, and tell whether something is unexplained that the training
-    rows did not show.
+    and judges them on the others, fold by fold. The best candidate is added when unseen windows support it
+    with p < 0.01, all candidates of the round and the correlation of residuals in time allowed for (the
+    second with p < 0.005, the third with p < 0.0025); everything is refitted; at most three effects are
+    added. One whose strength the last fit leaves within two standard deviations of none is taken out again.
+    The held-out rows take no part in that: they give the errors that are reported, and confirm what was
+    found, or not.
 
     Args:
         recording: as :func:`jaxmuscle.read` gives it.
@@ -82,8 +83,9 @@ def diagnose(
             `print` will do.
 
     Returns:
-        a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing) or
-        "unexplained" (something is, and no effect of the catalogue explains it).
+        a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing), "undecided"
+        (a little may be), "not confirmed" (held-out data contradict what was found) or "unexplained"
+        (something is missing, and no effect of the catalogue explains it).
     """
     meter = Meter(progress)
     return interruptible(lambda: _diagnosed(recording, held_out, ignored, catalogue, meter), meter.stop)
@@ -111,7 +113,7 @@ def _diagnosed(
     parts = _with_spread(prepared, parts, declared)
     declared, _ = bench.fit(declared, [], parts, FIT_STEPS)
     training = _with_spread(prepared, prepared.training, declared)
-    declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
+    declared, minimum = bench.fit(declared, [], training, FIT_STEPS, discrepancy=True)
     model, found, rounds, folds = declared, [], [], ()
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
@@ -144,23 +146,22 @@ def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> 
 def _supported(ranking: Ranking, found: int) -> Candidate | None:
     """The best candidate, if unseen windows support it; `found`: effects that were added before.
 
-    Where only a few windows miss something, chance finds one among many candidates that helps there: it has
-    to explain most of them, and its p-value counts the candidates. Every round is another chance to be
-    misled: each may spend half of what the one before could, so that all of them together stay below twice
+    Its p-value allows for all candidates of the round. Every round is another chance to be misled: each may
+    spend half of what the one before could, so that all of them together stay below twice
     :data:`LARGEST_P`.
     """
     if not ranking.candidates:
         return None
-    best, little = ranking.candidates[0], ranking.loss < NOTHING_LEFT
-    least = MOST_OF_LITTLE if little else LEAST_GAIN
-    largest = LARGEST_P / 2**found / (len(ranking.candidates) if little else 1)
-    supported = best.evidence.gain >= least and best.evidence.p_value <= largest
+    best = ranking.candidates[0]
+    supported = best.evidence.gain >= LEAST_GAIN and best.evidence.p_value <= LARGEST_P / 2**found
     return best if supported else None
 
 
-def _told_apart(candidate: Candidate, best: Candidate) -> bool:
+def _told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
     """Whether `best` predicts unseen windows significantly better than another candidate."""
-    return candidate is not best and compare(candidate.losses, best.losses).p_value < TOLD_APART
+    if candidate is best:
+        return False
+    return compare(candidate.losses, [best.losses], stretch)[0].p_value < TOLD_APART
 
 
 def _round(ranking: Ranking, best: Candidate | None) -> Round:
@@ -172,7 +173,7 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.evidence.gain,
             candidate.evidence.p_value,
             candidate.evidence.loss,
-            not candidate.judged or _told_apart(candidate, first),
+            not candidate.judged or _told_apart(candidate, first, ranking.stretch),
             candidate.judged,
         )
         for candidate in ranking.candidates

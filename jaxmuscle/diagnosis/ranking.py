@@ -21,7 +21,17 @@ from jaxmuscle.diagnosis.candidates import (
     strength_path,
     strengths,
 )
-from jaxmuscle.diagnosis.evidence import Blocks, Evidence, Losses, block_losses, blocks, compare
+from jaxmuscle.diagnosis.evidence import (
+    Blocks,
+    Evidence,
+    Losses,
+    block_losses,
+    block_means,
+    blocks,
+    compare,
+    correlated_blocks,
+    gain,
+)
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -158,11 +168,15 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Ranking:
-    """All candidates, best first; the loss of the model without any of them, and its fits to each fold."""
+    """All candidates, best first; the loss of the model without any of them, and its fits to each fold.
+
+    `stretch`: blocks in time over which the residuals of the best candidate go together.
+    """
 
     loss: float
     folds: tuple[AbstractActuator, ...]
     candidates: tuple[Candidate, ...]
+    stretch: int
 
 
 def rank(
@@ -174,29 +188,32 @@ def rank(
 ) -> Ranking:
     """Rank the candidates that are not yet accepted.
 
-    The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. The
-    blocks, stretches predicted in one go, ordered by how much moves in them, go to two folds in turn (four
-    when they are few): from there the present model and each candidate are fitted on all folds but one, with
-    all parameters that are free anyway, and judged on that one. A candidate that explains too little of the
-    very windows that it was fitted to is not judged (:func:`_promising`).
+    The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. Then
+    the present model and each candidate are fitted on all folds but one (:class:`Folds`), with all parameters
+    that are free anyway, and judged on that one. A candidate that explains too little of the very windows
+    that it was fitted to is not judged (:func:`_promising`).
     """
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
-    folds = Folds(problem)
+    block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
-        meter.expect(round_work(rest, folds.count))
+        meter.expect(round_work(rest, fold_count(problem)))
     searched = on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
     present = bench.fit(model, accepted, problem, STEPS)[0]
-    fitted, squares = folds.losses(bench, present), folds.squares(bench, present)
-    tried, falls = [], []
-    for effect, found in zip(rest, searched, strict=True):
-        own = folds.losses(bench, found)
-        tried.append(Candidate(effect, compare(fitted, own), own, found, ()))
-        falls.append((squares - folds.squares(bench, found)) / max(squares, 1.0))
-    chosen = _promising([max(c.evidence.gain, fall) for c, fall in zip(tried, falls, strict=True)])
-    promising = [c for c, promises in zip(tried, chosen, strict=True) if promises]
-    left = [c for c, promises in zip(tried, chosen, strict=True) if not promises]
-    models = [(model, list(accepted)), *((c.model, [*accepted, c.effect.name]) for c in promising)]
+    before, squares = _seen(bench, present, problem, block), _excess_squares(bench, present, problem)
+    seen = [_seen(bench, found, problem, block) for found in searched]
+    gains = [gain(before, own) for own in seen]
+    falls = [(squares - _excess_squares(bench, found, problem)) / max(squares, 1.0) for found in searched]
+    chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
+    left = [
+        Candidate(effect, Evidence(gained, 1.0, _typical(own)), own, found, ())
+        for effect, gained, own, found, promises in zip(rest, gains, seen, searched, chosen, strict=True)
+        if not promises
+    ]
+    best = min(zip(seen, searched, strict=True), key=lambda pair: float(pair[0].sum()))[1]
+    folds = Folds(problem, block, _correlation(bench, best, problem, block))
+    promising = [(e, m) for e, m, promises in zip(rest, searched, chosen, strict=True) if promises]
+    models = [(model, list(accepted)), *((m, [*accepted, e.name]) for e, m in promising)]
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
     work = JUDGEMENT * (len(rest) + 1) / len(models)
 
@@ -207,14 +224,38 @@ def rank(
 
     judged, count = on_all_cores(judge, tasks), folds.count
     each = [judged[i : i + count] for i in range(0, len(judged), count)]
-    losses = [np.concatenate([loss for loss, _ in parts]) for parts in each]
+    losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
     refitted = [tuple(model for _, model in parts) for parts in each]
+    evidence = compare(losses[0], losses[1:], folds.stretch)
     tried = [
-        Candidate(c.effect, compare(losses[0], own), own, c.model, models)
-        for c, own, models in zip(promising, losses[1:], refitted[1:], strict=True)
+        Candidate(effect, told, own, found, models)
+        for (effect, found), told, own, models in zip(
+            promising, evidence, losses[1:], refitted[1:], strict=True
+        )
     ]
     ranked = [*sorted(tried, key=_loss), *sorted(left, key=_loss)]
-    return Ranking(float(np.expm1(losses[0].mean())), refitted[0], tuple(ranked))
+    return Ranking(_typical(losses[0]), refitted[0], tuple(ranked), folds.stretch)
+
+
+def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> Losses:
+    """Losses of `model` as it is, on windows that it may have been fitted to."""
+    everything = np.arange(int(block.max()) + 1)
+    return block_losses(bench.residuals(model, problem), problem.weights, block, everything)
+
+
+def _excess_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> float:
+    """Sum of the squared weighted residuals of `model` beyond what noise leaves, 1 for each reading."""
+    readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
+    return 2 * bench.cost(model, problem) - readings
+
+
+def _correlation(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> int:
+    """Blocks in time over which the residuals of `model` go together."""
+    return correlated_blocks(block_means(bench.residuals(model, problem), problem.weights, block))
+
+
+def _typical(losses: Losses) -> float:
+    return float(np.expm1(losses.mean()))
 
 
 def _promising(gains: Sequence[float]) -> list[bool]:
@@ -242,37 +283,49 @@ def fold_count(problem: Problem) -> int:
 
 
 class Folds:
-    """The blocks of a problem in several parts, each with its share of what moves."""
+    """The blocks of a problem, stretches predicted in one go, in several folds.
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.block = blocks(len(problem.rows), problem.samples, int(problem.period))
-        number = int(self.block.max()) + 1
+    Where residuals are independent from block to block, blocks go to the folds in turn, ordered by how much
+    moves in them. Where they go together over several, folds are contiguous in time, and what lies within
+    as many blocks of a judged one is not fitted: a model could learn there what the noise goes on to do.
+
+    Attributes:
+        count: number of folds.
+        stretch: blocks over which the residuals go together.
+        fold_of: fold of each block.
+    """
+
+    def __init__(self, problem: Problem, block: Blocks, stretch: int) -> None:
+        self.problem, self.block, self.stretch = problem, block, stretch
+        number = int(block.max()) + 1
         self.count = fold_count(problem)
-        self.readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
-        order = np.argsort(-_extent(problem, self.block), kind="stable")
-        self.fold_of = np.empty(number, dtype=int)
-        self.fold_of[order] = np.arange(number) % self.count
-
-    def losses(self, bench: Workbench, model: AbstractActuator) -> Losses:
-        """Losses of `model` as it is on all blocks, fold by fold."""
-        residuals = bench.residuals(model, self.problem)
-        parts = (np.flatnonzero(self.fold_of == fold) for fold in range(self.count))
-        return np.concatenate([block_losses(residuals, self.problem.weights, self.block, p) for p in parts])
-
-    def squares(self, bench: Workbench, model: AbstractActuator) -> float:
-        """Sum of the squared weighted residuals of `model` beyond what noise leaves, 1 for each reading."""
-        return 2 * bench.cost(model, self.problem) - self.readings
+        if stretch > 1:
+            self.fold_of = np.arange(number) * self.count // number
+        else:
+            order = np.argsort(-_extent(problem, block), kind="stable")
+            self.fold_of = np.empty(number, dtype=int)
+            self.fold_of[order] = np.arange(number) % self.count
 
     def judged(
         self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int
     ) -> tuple[Losses, AbstractActuator]:
         """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
         judged = np.flatnonzero(self.fold_of == fold)
-        fitting = self.problem.only(~np.isin(self.block, judged))
+        fitting = self.problem.only(~np.isin(self.block, self._beside(judged)))
         fitted, _ = bench.fit(model, effects, fitting, STEPS, SLOW)
         residuals = bench.residuals(fitted, self.problem)
         return block_losses(residuals, self.problem.weights, self.block, judged), fitted
+
+    def _beside(self, judged: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The judged blocks and those near them that are not fitted either."""
+        gap = self.stretch if self.stretch > 1 else 0
+        near = judged[:, None] + np.arange(-gap, gap + 1)
+        return np.unique(near)
+
+    def in_time(self, losses: Sequence[Losses]) -> Losses:
+        """Losses fold by fold, put into the order of time."""
+        order = np.concatenate([np.flatnonzero(self.fold_of == fold) for fold in range(self.count)])
+        return np.concatenate(losses, axis=1)[:, np.argsort(order)]
 
 
 def _extent(problem: Problem, block: Blocks) -> NDArray[np.float64]:

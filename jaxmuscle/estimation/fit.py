@@ -34,6 +34,7 @@ from jaxmuscle.estimation.objective import SharedProgram
 from jaxmuscle.estimation.parameter_layout import labels, layout
 from jaxmuscle.estimation.predictions import noise_table, predictions
 from jaxmuscle.estimation.prepare import (
+    DISCREPANCY,
     ESTIMATED,
     Masks,
     NoiseLike,
@@ -46,6 +47,7 @@ from jaxmuscle.estimation.prepare import (
 from jaxmuscle.estimation.request import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.residual_analysis import Series, residual_tests, series
 from jaxmuscle.estimation.summary import notes, summary
+from jaxmuscle.estimation.weights import with_discrepancy, with_estimated_noise
 from jaxmuscle.optimization.levenberg_marquardt import Course, Lane, Limits, Local
 from jaxmuscle.optimization.optimistix_solver import steps_by
 from jaxmuscle.parameter_names import of_machine
@@ -230,6 +232,10 @@ class Method:
     program: SharedProgram | None = None
 
 
+REWEIGHTINGS = {ESTIMATED: with_estimated_noise, DISCREPANCY: with_discrepancy}
+"""Name of a noise that follows from the residuals → the objective with weights by it."""
+
+
 def estimate(
     actuator: AbstractActuator,
     recordings: Sequence[Recording],
@@ -247,7 +253,7 @@ def estimate(
         begun_at(objective.unknowns, method.starts, method.seed),
         method.steps,
         method.deadline,
-        method.noise == ESTIMATED,
+        REWEIGHTINGS.get(method.noise) if isinstance(method.noise, str) else None,
         _teller(progress, begin),
         asked.continuation,
         method.solver,
@@ -299,8 +305,10 @@ def fit(
         masks: bad rows: a boolean array or column → array; for several recordings a list of these or `None`.
         loss: "squares", "huber" or "student", or a :class:`~jaxmuscle.estimation.Loss`.
         noise: column → standard deviation of its sensor, in place of the card's; "estimated" for the size of
-            the residuals themselves, in each recording; by default the card's, or what the fourth differences
-            of the data show.
+            the residuals themselves, in each recording; "discrepancy" for the sensor's and beside it, with
+            its correlation, what the model leaves, so that priors keep their weight where the model is
+            incomplete (:func:`~jaxmuscle.estimation.weights.with_discrepancy`; a diagnosis ends with it); by
+            default the card's, or what the fourth differences of the data show.
         starts: how many (the machine's own, then a Latin hypercube over the priors), or each one's values.
         shared, per_recording: names with one value for all recordings, and with one for each. By default
             all are shared but ``start.STATE``.

@@ -21,7 +21,7 @@ from jaxmuscle.estimation.deferred_correction import refined
 from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
 from jaxmuscle.estimation.initial_states import loosened
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.estimation.weights import weighted, with_estimated_noise
+from jaxmuscle.estimation.weights import weighted
 from jaxmuscle.optimization.levenberg_marquardt import (
     BUDGET,
     FAILED,
@@ -192,7 +192,7 @@ MOST_NUMBERS = 4e7
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
 ROUNDS = 2
-"""Times that the noise is estimated anew."""
+"""Times that the weights are taken anew from the residuals."""
 
 Tell = Callable[[str, Course], None]
 
@@ -202,7 +202,8 @@ class Search:
     """What to search: an objective, starts, limits.
 
     Attributes:
-        estimate: take the noise from the residuals.
+        reweigh: the objective, weighted by the sensors' noise, with weights from its residuals at a point;
+            `None` to keep them.
         continuation: how many times as wide as it is dry friction is smoothed at first, see `jaxmuscle.fit`.
         solver: in place of our own, see `lane.Limits`.
     """
@@ -211,7 +212,7 @@ class Search:
     points: Float[np.ndarray, "starts k"]
     steps: int
     deadline: float
-    estimate: bool
+    reweigh: Callable[[Objective, Float[np.ndarray, " k"]], Objective] | None
     tell: Tell
     continuation: tuple[float, ...] = ()
     solver: Callable[[Lane, Local, Limits], None] | None = None
@@ -256,13 +257,15 @@ def search(task: Search) -> Found:
         objective, (points, failed) = sharper, ends(lanes)
         lanes = descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
         winner = winner_of(lanes)
-    for _ in range(ROUNDS if task.estimate else 0):
-        objective = with_estimated_noise(objective, winner.u)
+    by_sensors = objective
+    for _ in range(ROUNDS if task.reweigh else 0):
+        assert task.reweigh is not None
+        objective = task.reweigh(by_sensors, winner.u)
         points, failed = ends(lanes)
         if time.monotonic() > task.deadline:
             winner.code = BUDGET
             break
-        lanes = descend_distinct(objective, points, failed, limits, counted.on("noise estimated"))
+        lanes = descend_distinct(objective, points, failed, limits, counted.on("weights from residuals"))
         winner = winner_of(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
 

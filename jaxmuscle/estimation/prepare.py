@@ -27,7 +27,7 @@ from jaxmuscle.estimation.request import Asked, PriorLike
 from jaxmuscle.parameter_names import expanded, resolve
 from jaxmuscle.recordings.recording import Recording
 
-ESTIMATED = "estimated"
+ESTIMATED, DISCREPANCY = "estimated", "discrepancy"
 Masks = Mask | Sequence[Mask | None] | None
 NoiseLike = str | Mapping[str, float] | None
 
@@ -70,8 +70,11 @@ def prepared(
     names = labels(recordings)
     unknowns = layout(actuator, recordings, names, asked)
     profiled(actuator, recordings, asked, {entry.place.name for entry in unknowns.entries})
-    if not (noise is None or isinstance(noise, Mapping) or (isinstance(noise, str) and noise == ESTIMATED)):
-        raise InputError(f"noise: expected {ESTIMATED!r} or a mapping of columns to values; got {noise!r}")
+    named = isinstance(noise, str) and noise in (ESTIMATED, DISCREPANCY)
+    if not (noise is None or isinstance(noise, Mapping) or named):
+        raise InputError(
+            f"noise: expected {ESTIMATED!r}, {DISCREPANCY!r} or a mapping of columns to values; got {noise!r}"
+        )
     levels = _checked(actuator, noise) if isinstance(noise, Mapping) else {}
     machines = conditions(actuator, recordings, {e.place.path for e in unknowns.entries})
     stations = [

@@ -12,8 +12,10 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.coloured_noise import memory
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.residual_analysis import series
 from jaxmuscle.estimation.residuals import evaluate
 from jaxmuscle.estimation.windows import Problem, Residuals
 
@@ -136,4 +138,32 @@ def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Object
             size = np.nan_to_num(objective.loss.size(counted, (0, 1)), nan=1.0)
             factors[output] = 1 / np.maximum(size, 1e-6)
         stations.append(station.reweighted(factors))
+    return dataclasses.replace(objective, stations=stations)
+
+
+def with_discrepancy(objective: Objective, u: NDArray[np.float64]) -> Objective:
+    r"""With what the model leaves at u counted as uncertainty beside the noise of the sensors.
+
+    .. math:: σ^2 → σ^2 \left(1 + \max(r^2 - 1, 0)\, τ\right)
+
+    r: size of a column's residuals in units of σ; τ: their integrated autocorrelation time in samples, as a
+    discrepancy lasts and its readings are no independent ones. The sum of all squares is then worth as many
+    readings as there are independent ones (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001, on why a
+    model's discrepancy has to be part of its calibration). Priors keep their meaning: held against the noise
+    of the sensors alone, thousands of rows of a misfit outweigh any of them.
+
+    Args:
+        objective: weighted by the noise of the sensors.
+    """
+    factors: dict[int, dict[str, list[float]]] = {}
+    for line in series(objective, u):
+        size = float(objective.loss.size(np.where(line.counts, line.residual, np.nan)[:, None], (0,))[0])
+        excess = max(np.nan_to_num(size, nan=1.0) ** 2 - 1, 0.0)
+        time = memory(line.residual, line.counts).time if excess > 0 else 1.0
+        own = factors.setdefault(line.recording, {}).setdefault(line.output, [])
+        own.append(float(1 / np.sqrt(1 + excess * max(time, 1.0))))
+    stations = [
+        station.reweighted({output: np.array(each) for output, each in factors.get(number, {}).items()})
+        for number, station in enumerate(objective.stations)
+    ]
     return dataclasses.replace(objective, stations=stations)

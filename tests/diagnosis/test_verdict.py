@@ -23,7 +23,7 @@ def held_out(**in_noise: float) -> dict[str, dict[str, Error]]:
 
 
 def fit(*ratios: float, **parameters: tuple[float, str]) -> Any:
-    noise = {"lift": {str(i): SimpleNamespace(ratio=ratio) for i, ratio in enumerate(ratios)}}
+    noise = {"lift": {str(i): SimpleNamespace(ratio=ratio, assumed=2.0) for i, ratio in enumerate(ratios)}}
     entries = {n: SimpleNamespace(value=value, path=path) for n, (value, path) in parameters.items()}
     return SimpleNamespace(noise=noise, parameters=entries)
 
@@ -52,10 +52,13 @@ def test_every_case(
 
 
 def test_missing_is_what_a_residual_has_beyond_the_noise_of_the_worst_reading() -> None:
-    assert missing_in_noise(fit(1.0, math.sqrt(2.0)), {"position": 400.0}) == pytest.approx(1.0)
-    assert missing_in_noise(fit(0.8, 0.9), {}) == 0.0
+    noise = {"0": 2.0, "1": 2.0}
+    assert missing_in_noise(fit(1.0, math.sqrt(2.0)), {"position": 400.0}, noise) == pytest.approx(1.0)
+    assert missing_in_noise(fit(0.8, 0.9), {}, noise) == 0.0
+    # What the fit allowed for beside the sensor's noise is missing all the same.
+    assert missing_in_noise(fit(1.0, 0.5), {}, {"0": 0.4, "1": 2.0}) == pytest.approx(math.sqrt(24.0))
     # Without a fit, from the weighted residuals as they are.
-    assert missing_in_noise(None, {"position": 5.0, "pressure": 0.9}) == pytest.approx(2.0)
+    assert missing_in_noise(None, {"position": 5.0, "pressure": 0.9}, {}) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("value", "std", "sure"), [(14.0, 0.2, True), (-3.0, 1.0, True), (0.3, 0.2, False)])
