@@ -22,6 +22,7 @@ from jaxmuscle.diagnosis.candidates import (
     strengths,
 )
 from jaxmuscle.diagnosis.evidence import (
+    SAFE,
     Blocks,
     Evidence,
     Losses,
@@ -287,11 +288,11 @@ class Folds:
 
     Where residuals are independent from block to block, blocks go to the folds in turn, ordered by how much
     moves in them. Where they go together over several, folds are contiguous in time, and what lies within
-    as many blocks of a judged one is not fitted: a model could learn there what the noise goes on to do.
+    a correlation time of a judged one is not fitted: a model could learn there what the noise goes on to do.
 
     Attributes:
         count: number of folds.
-        stretch: blocks over which the residuals go together.
+        stretch: blocks in time that are flipped together, :func:`correlated_blocks`.
         fold_of: fold of each block.
     """
 
@@ -318,7 +319,7 @@ class Folds:
 
     def _beside(self, judged: NDArray[np.int64]) -> NDArray[np.int64]:
         """The judged blocks and those near them that are not fitted either."""
-        gap = self.stretch if self.stretch > 1 else 0
+        gap = self.stretch // SAFE if self.stretch > 1 else 0
         near = judged[:, None] + np.arange(-gap, gap + 1)
         return np.unique(near)
 
