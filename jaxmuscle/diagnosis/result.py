@@ -144,10 +144,11 @@ class Diagnosis:
         missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
             reading on the training data.
         declared: the machine as declared, fitted to all training data.
-        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
-            `None` where the card is sure of everything and nothing was added.
-            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
-            again; without the masks it fits the held-out rows too, which must not have a say here.
+        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it
+            with ``noise="discrepancy"``; `None` where the card is sure of everything and nothing was added.
+            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out,
+            noise="discrepancy")`` gives the values again; without the masks it fits the held-out rows too,
+            which must not have a say here.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.
