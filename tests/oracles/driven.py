@@ -1,23 +1,53 @@
 """Rig `driven` on one page: the force follows from the imposed pressure and contraction, sample by sample."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from oracles.muscle import THRESHOLDS, corrected_force, moved, thread_limit
+from oracles.friction import Bristles, course
+from oracles.muscle import (
+    THRESHOLDS,
+    aged,
+    corrected_force,
+    moved,
+    thread_coefficient,
+    thread_limit,
+)
+
+FINE = 50
+"""Substeps to a sample of what creeps."""
 
 
-def driven(card, effects, pressure, contraction, velocity):
+def driven(card, effects, pressure, contraction, velocity, step=0.01):
     """Force at the samples; dry friction opposes the sign of the velocity and is zero at standstill.
 
-    What would push, a slack muscle, gives no force.
+    What would push, a slack muscle, gives no force. With `presliding` the threads are a LuGre contact.
     """
     strains = contraction / card["initial_length"]
+    delayed = [np.zeros_like(strains)] * 2
+    if creep := effects.get("creep"):
+        delayed = [lagged(strains, step, creep[name], FINE) for name in ("fast_time", "slow_time")]
+    shares = np.sign(velocity)
+    if bend := effects.get("presliding", {}).get("displacement", 0.0):
+        shares = _bent(effects, bend, contraction, velocity, step)
     plays, force = [strains[0]] * len(THRESHOLDS), []
-    for p, strain, v in zip(pressure - card["ambient_pressure"], strains, velocity, strict=True):
+    moments = zip(pressure - card["ambient_pressure"], strains, velocity, shares, *delayed, strict=True)
+    for row, (p, strain, v, share, *late) in enumerate(moments):
         plays = moved(plays, strain)
-        friction = np.sign(v) * thread_limit(card, effects, strain, p, v)
-        force.append(max(corrected_force(card, effects, strain, p, plays) - friction, 0.0))
+        friction = share * thread_limit(card, effects, strain, p, v)
+        tension = aged(effects, corrected_force(card, effects, strain, p, plays), late, row * step)
+        force.append(max(tension - friction, 0.0))
     return np.array(force)
+
+
+def _bent(effects, displacement, contraction, velocity, step):
+    """Friction over its limit at the samples, the threads' bristles unbent at first."""
+    threads = Bristles(displacement, course(partial(thread_coefficient, effects)))
+    shares = [threads.share(velocity[0])]
+    for way, v in zip(np.diff(contraction), velocity[1:], strict=True):
+        threads.slide(way / step, step)
+        shares.append(threads.share(v))
+    return np.array(shares)
 
 
 def lagged(force, step, time_constant, substeps):

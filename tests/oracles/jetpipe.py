@@ -6,7 +6,9 @@ Written from the thesis: six states (current, lagged and true tip position, tip 
 from math import acos, pi, sqrt
 
 import numpy as np
+from oracles.commands import acting
 from oracles.isotonic import nozzle
+from oracles.stepping import runge_kutta
 
 GAS = 287.0
 DRIVER, TORQUE, LAG, RESONANCE, DAMPING = 7050.0, 1.946, 973.9, 1856.7, 0.019
@@ -53,7 +55,6 @@ def jet_pipe(card, effects, command, step, substeps):
         card["polytropic_exponent"] * GAS * temperature / (piston * v) for v in (travel, CHAMBERS - travel)
     ]
     limit = effects.get("current_saturation", {}).get("limit", np.inf)
-    delay = effects.get("command_delay", {}).get("delay", 0.0)
     weight = effects.get("valve_hysteresis", {}).get("weight", 0.0)
     radii = effects.get("valve_hysteresis", {}).get("width", 0.0) * np.arange(1, PLAYS + 1) / PLAYS
     outside = effects.get("chamber_leak", {}).get("area", 0.0)
@@ -65,36 +66,30 @@ def jet_pipe(card, effects, command, step, substeps):
 
     def rates(state, u, plays):
         i, y, x, v, p1, p2 = state
-        force = TORQUE * np.clip(i, -limit, limit)
+        force = TORQUE * min(max(i, -limit), limit)
         static = c * force / (1 + (force / bend) ** 4) ** 0.25
-        static -= weight * c * np.mean(TORQUE * i - moved(plays, i))
+        if weight:
+            static -= weight * c * float(np.mean(TORQUE * i - moved(plays, i)))
         fed, open_ = ports(x + card["receiver_offset"])
         past = leak(p1, p2, temperature)
         flow = [
             nozzle(cd * a, supply, p, temperature) - nozzle(cd * b + outside, p, ambient, temperature)
             for a, b, p in zip(fed, open_, (p1, p2), strict=True)
         ]
-        return np.array(
-            [
-                DRIVER * (card["current_gain"] * u - i),
-                LAG * (static - y),
-                v,
-                RESONANCE**2 * (y - x) - 2 * DAMPING * RESONANCE * v,
-                stiff[0] * (flow[0] - past),
-                stiff[1] * (flow[1] + past),
-            ]
-        )
+        return [
+            DRIVER * (card["current_gain"] * u - i),
+            LAG * (static - y),
+            v,
+            RESONANCE**2 * (y - x) - 2 * DAMPING * RESONANCE * v,
+            stiff[0] * (flow[0] - past),
+            stiff[1] * (flow[1] + past),
+        ]
 
     h, plays, samples = step / substeps, np.zeros(PLAYS), []
-    state = np.array([0.0, 0.0, 0.0, 0.0, card["initial_pressure"], card["initial_pressure"]])
-    for row in range(len(command)):
-        samples.append([state[0], max(piston * (state[4] - state[5]), card["residual_force"])])
-        for sub in range(substeps):
-            late = (row * substeps + sub + 0.5) / substeps - delay / step
-            u = command[int(late)] if late >= 0 else 0.0
-            k1 = rates(state, u, plays)
-            k2 = rates(state + h / 2 * k1, u, plays)
-            k3 = rates(state + h / 2 * k2, u, plays)
-            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(state + h * k3, u, plays))
-            plays = moved(plays, state[0])
+    state = [0.0, 0.0, 0.0, 0.0, card["initial_pressure"], card["initial_pressure"]]
+    for index, u in enumerate(acting(effects, command, 0.0, step, substeps)):
+        if index % substeps == 0:
+            samples.append([state[0], max(piston * (state[4] - state[5]), card["residual_force"])])
+        state = runge_kutta(rates, state, h, u, plays)
+        plays = moved(plays, state[0]) if weight else plays
     return np.array(samples).T

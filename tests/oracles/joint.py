@@ -1,72 +1,112 @@
-"""Rig `joint` on one page: RK4 at fixed small steps, sharp Coulomb friction, muscles that cannot push.
+"""Rig `joint` on two pages: RK4 at fixed small steps, muscles that cannot push, dry friction.
 
-A muscle is not longer than its threads allow: the joint stops dead where one has its full length.
+A muscle is not longer than its threads allow: the joint stops dead where one has its full length. Friction is
+sharp; with `presliding` the threads of both muscles and the bearing are LuGre contacts.
 """
 
-from math import pi, sin
+from functools import partial
+from math import cos, pi, sin
 
 import numpy as np
-from oracles.muscle import THRESHOLDS, corrected_force, moved, thread_limit
+from oracles.commands import acting
+from oracles.friction import Bristles, course, guide_limit
+from oracles.muscle import (
+    THRESHOLDS,
+    aged,
+    corrected_force,
+    creeping,
+    moved,
+    thread_coefficient,
+    thread_limit,
+)
+from oracles.stepping import runge_kutta
 
 
 def joint(card, effects, command, step, pressure, angle, substeps):
-    """Pressures 1 and 2, angle, angular velocity at the samples, from rest."""
+    """Pressures 1 and 2 of the muscles, angle, angular velocity at the samples, from rest."""
+
+    def value(effect, parameter):
+        return effects.get(effect, {}).get(parameter, 0.0)
+
     radius, length, ambient = card["sprocket_radius"], card["initial_length"], card["ambient_pressure"]
     omega, zeta, inertia = 2 * pi * card["regulator_frequency"], card["regulator_damping"], card["inertia"]
-    bearing = effects.get("load_friction", {}).get("force", 0.0)
-    damping = effects.get("load_damping", {}).get("coefficient", 0.0)
-    weight = effects.get("gravity", {"torque": 0.0, "hanging_angle": 0.0})
-    mismatch = effects.get("muscle_mismatch", {}).get("ratio", 0.0)
-    delay = effects.get("command_delay", {}).get("delay", 0.0)
-    muscles = [
-        card,
-        {**card, "initial_radius": card["initial_radius"] * (1 + mismatch)},
-    ]
+    damping, bearing = value("load_damping", "coefficient"), guide_limit(effects)
+    link, hanging = value("gravity", "torque"), value("gravity", "hanging_angle")
+    stop, hardness = effects.get("end_stop", {}).get("position", np.inf), value("end_stop", "stiffness")
+    off, phase = value("eccentric_sprocket", "eccentricity"), value("eccentric_sprocket", "phase")
+    line = value("line_lag", "time_constant")
+    thicker = card["initial_radius"] * (1 + value("muscle_mismatch", "ratio"))
+    muscles = [card, {**card, "initial_radius": thicker}]
+    bristles = []
+    if bend := value("presliding", "displacement"):
+        threads = course(partial(thread_coefficient, effects))
+        bristles = [
+            Bristles(bend, threads),
+            Bristles(bend, threads),
+            Bristles(bend / radius, course(bearing)),
+        ]
 
     def strains(theta):
-        turn = radius * theta / length
-        return card["initial_contraction"] + turn, card["initial_contraction"] - turn
+        """Both muscles shorten by Rθ, one of them less than nothing; both lengthen as the centre rises."""
+        turn, rise = radius * theta / length, off * (sin(theta + phase) - sin(phase)) / length
+        return card["initial_contraction"] + turn - rise, card["initial_contraction"] - turn - rise
 
-    def torque(state, plays, sense):
-        """Torque on the joint when the dry friction is at the limit against a motion of the given sense."""
-        p1, p2, _, _, theta, w = state
-        pull = []
-        sides = zip(muscles, strains(theta), (p1, p2), plays, (sense, -sense), strict=True)
-        for muscle, strain, p, memory, slip in sides:
+    def speeds(theta, w):
+        """Velocities of contraction: lever arms of the two, one of them negative, times the turning."""
+        rise = off * cos(theta + phase)
+        return (radius - rise) * w, (-radius - rise) * w
+
+    def torque(state, time, sense):
+        """Torque on the joint; sharp friction at its limit against a motion of the given sense."""
+        *_, p1, p2, theta, w = state[:8]
+        total, (arm1, arm2) = 0.0, speeds(theta, 1.0)
+        shares = [sense, -sense, sense]
+        if bristles:
+            shares = [b.share(v) for b, v in zip(bristles, (*speeds(theta, w), w), strict=True)]
+        sides = zip(muscles, strains(theta), (p1, p2), plays, (arm1, arm2), shares, (0, 2), strict=False)
+        for muscle, strain, p, memory, arm, slip, own in sides:
             force = corrected_force(muscle, effects, strain, p - ambient, memory)
-            friction = slip * thread_limit(muscle, effects, strain, p - ambient, radius * w)
-            pull.append(max(force - friction, 0.0))
-        swing = weight["torque"] * sin(theta - weight["hanging_angle"])
-        return radius * (pull[0] - pull[1]) - swing - damping * w - sense * bearing
+            force = aged(effects, force, state[8 + own : 10 + own], time)
+            friction = slip * thread_limit(muscle, effects, strain, p - ambient, arm * w)
+            total += arm * max(force - friction, 0.0)
+        total -= link * sin(theta - hanging) + hardness * max(theta - stop, 0.0)
+        return total - damping * w - shares[2] * bearing(w)
 
-    def rates(state, u, plays, sense):
-        p, rate, w = state[:2], state[2:4], state[5]
-        bend = omega**2 * (u - p) - 2 * zeta * omega * rate
-        moves = (w, torque(state, plays, sense) / inertia) if sense is not None else (0.0, 0.0)
-        return np.concatenate([rate, bend, moves])
+    def rates(state, told, time, sense):
+        r1, r2, d1, d2, p1, p2, theta, w, *delayed = state
+        bends = [
+            omega**2 * (u - r) - 2 * zeta * omega * d
+            for u, r, d in zip(told, (r1, r2), (d1, d2), strict=True)
+        ]
+        fills = [(r1 - p1) / line, (r2 - p2) / line] if line else [d1, d2]
+        moves = [w, torque(state, time, sense) / inertia] if sense is not None else [0.0, 0.0]
+        lates = [
+            creeping(effects, s, delayed[i : i + 2]) for s, i in zip(strains(theta), (0, 2), strict=True)
+        ]
+        return [d1, d2, *bends, *fills, *moves, *lates[0], *lates[1]]
 
     h, end = step / substeps, card["initial_contraction"] * length / radius
-    state = np.array([*pressure, 0.0, 0.0, angle, 0.0])
-    plays = [[strain] * len(THRESHOLDS) for strain in strains(angle)]
-    samples = []
-    for row in range(len(command)):
-        samples.append(state[[0, 1, 4, 5]])
-        for sub in range(substeps):
-            late = (row * substeps + sub + 0.5) / substeps - delay / step
-            u = command[int(late)] if late >= 0 else np.asarray(pressure)
-            up, down = torque(state, plays, 1.0), torque(state, plays, -1.0)
-            sense = np.sign(state[5]) or (1.0 if up > 0 else -1.0)
-            if state[5] == 0 and up <= 0 <= down:
-                sense = None
-            if (state[4] >= end and up > 0) or (state[4] <= -end and down < 0):
-                sense = None
-            k1 = rates(state, u, plays, sense)
-            k2 = rates(state + h / 2 * k1, u, plays, sense)
-            k3 = rates(state + h / 2 * k2, u, plays, sense)
-            state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + rates(state + h * k3, u, plays, sense))
-            if sense is not None and sense * state[5] < 0 and down > up:
-                state[5] = 0.0
-            if abs(state[4]) >= end:
-                state[4], state[5] = np.sign(state[4]) * end, 0.0
-            plays = [moved(z, strain) for z, strain in zip(plays, strains(state[4]), strict=True)]
+    settled = [strain for strain in strains(angle) for _ in range(2)]
+    state = [*pressure, 0.0, 0.0, *pressure, angle, 0.0, *settled]
+    plays, samples = [[strain] * len(THRESHOLDS) for strain in strains(angle)], []
+    for index, told in enumerate(acting(effects, command, np.asarray(pressure), step, substeps)):
+        if index % substeps == 0:
+            samples.append(state[4:8])
+        time, theta, w = index * h, state[6], state[7]
+        up, down = torque(state, time, 1.0), torque(state, time, -1.0)
+        sense = np.sign(w) or (1.0 if up > 0 else -1.0)
+        if w == 0 and up <= 0 <= down:
+            sense = None
+        if (theta >= end and up > 0) or (theta <= -end and down < 0):
+            sense = None
+        for contact, v in zip(bristles, (*speeds(theta, w), w), strict=False):
+            contact.slide(v, h / 2)
+        state = runge_kutta(rates, state, h, told, time, sense)
+        if sense is not None and sense * state[7] < 0 and down > up:
+            state[7] = 0.0
+        if abs(state[6]) >= end:
+            state[6], state[7] = np.sign(state[6]) * end, 0.0
+        for contact, v in zip(bristles, (*speeds(*state[6:8]), state[7]), strict=False):
+            contact.slide(v, h / 2)
+        plays = [moved(z, strain) for z, strain in zip(plays, strains(state[6]), strict=True)]
     return np.array(samples).T

@@ -17,12 +17,26 @@ def schulte_force(card, strain, gauge, end_factor):
     return pi * diameter**2 / 4 * gauge * (3 * cosine**2 - 1)
 
 
-def cylinder(card, contraction):
-    """[T] 3: volume of the plain cylinder and its slope over the contraction."""
+def cylinder(card, contraction, wall=0.0):
+    """[T] 3: volume of the plain cylinder within a `wall` [m], and its slope over the contraction."""
     length = card["initial_length"] - contraction
     cosine = cos(card["braid_angle"]) * length / card["initial_length"]
-    area = pi * (card["initial_radius"] / sin(card["braid_angle"])) ** 2
-    return area * length * (1 - cosine**2), -area * (1 - 3 * cosine**2)
+    widest = card["initial_radius"] / sin(card["braid_angle"])
+    area = pi * widest**2
+    volume, slope = area * length * (1 - cosine**2), -area * (1 - 3 * cosine**2)
+    if wall:
+        volume -= pi * wall * (2 * widest * sqrt(1 - cosine**2) - wall) * length
+        slope += wall_area(widest, wall, cosine)
+    return volume, slope
+
+
+def wall_area(widest, wall, cosine):
+    """Force over pressure that a wall adds, Chou and Hannaford 1996: π (D90 t (2 sin α - 1 / sin α) - t²).
+
+    It is -dV/dl of what the wall takes from the volume π (r - t)² l, the braid outside on radius r.
+    """
+    sine = sqrt(1 - cosine**2)
+    return pi * wall * (2 * widest * (2 * sine - 1 / sine) - wall)
 
 
 def contact(card, strain):
@@ -34,7 +48,7 @@ def contact(card, strain):
 
 
 def corrected_force(card, effects, strain, gauge, plays):
-    """Static force with the declared ones of: ends, bladder, wall of the bladder, hysteresis."""
+    """Static force with the declared ones of: ends, bladder, its stretch and thickness, hysteresis."""
     k = card["end_factor"]
     force = schulte_force(card, strain, gauge, k)
     if ends := effects.get("pressure_dependent_ends"):
@@ -49,9 +63,29 @@ def corrected_force(card, effects, strain, gauge, plays):
         q = sqrt(1 - cosine**2) / sin(card["braid_angle"])
         slope = cosine * cos(card["braid_angle"]) / (sin(card["braid_angle"]) ** 2 * q)
         force -= wall["wall_stiffness"] * slope * (q - 1)
+    if wall := effects.get("wall_thickness"):
+        cosine = cos(card["braid_angle"]) * (1 - k * strain)
+        widest = card["initial_radius"] / sin(card["braid_angle"])
+        force += gauge * wall_area(widest, wall["thickness"], cosine)
     if loop := effects.get("length_hysteresis"):
         force -= hysteresis(card, loop, strain, gauge, plays)
     return force
+
+
+def aged(effects, force, delayed, time):
+    """A force less creep (strains delayed by a fast and a slow time) that drifts in proportion to itself."""
+    if creep := effects.get("creep"):
+        force = force - creep["stiffness"] * sum(delayed) / 2
+    return force * (1 + effects.get("force_drift", {}).get("rate", 0.0) * time)
+
+
+def creeping(effects, strain, delayed):
+    """Rates of the two delayed strains of creep (1/s)."""
+    creep = effects.get("creep")
+    if creep is None:
+        return [0.0] * len(delayed)
+    times = creep["fast_time"], creep["slow_time"]
+    return [(strain - late) / time for late, time in zip(delayed, times, strict=True)]
 
 
 def hysteresis(card, loop, strain, gauge, plays):
@@ -70,9 +104,15 @@ def moved(plays, value):
 
 def thread_limit(card, effects, strain, gauge, velocity):
     """[T] 15, 16: f S P, f from static to kinetic over the velocity."""
+    if "thread_friction" not in effects:
+        return 0.0
+    return thread_coefficient(effects, velocity) * contact(card, strain) * max(gauge, 0.0)
+
+
+def thread_coefficient(effects, velocity):
+    """[T] 16: from static to kinetic over the velocity; 0 without thread friction."""
     friction = effects.get("thread_friction")
     if friction is None:
         return 0.0
     fs, fk = friction["static_coefficient"], friction["kinetic_coefficient"]
-    f = fk + (fs - fk) * exp(-abs(velocity) / friction["velocity_constant"])
-    return f * contact(card, strain) * max(gauge, 0.0)
+    return fk + (fs - fk) * exp(-abs(velocity) / friction["velocity_constant"])
