@@ -34,18 +34,19 @@ CHOKED = sqrt(1.4 / (GAS * 293.15)) * (2 / 2.4) ** 3
 NOTHING = {
     "dead_band": {"width": 0.0},
     "valve_offset": {"offset": 0.0},
-    "rate_limit": {"rate": 0.0},
+    "rate_limit": {"inverse_rate": 0.0},
+    "valve_hysteresis": {"half_width": 0.0},
     "supply_droop": {"resistance": 0.0},
     "line_lag": {"time_constant": 0.0},
     "dead_volume": {"volume": 0.0},
-    "gas_heating": {"share": 0.0, "time": 0.5},
+    "gas_heating": {"share": 0.0, "thermal_time": 0.5},
     "wall_thickness": {"thickness": 0.0},
-    "force_drift": {"rate": 0.0},
+    "force_drift": {"share": 0.0, "time_constant": 3.0},
     "creep": {"stiffness": 0.0, "fast_time": 0.1, "slow_time": 1.0},
     "end_stop": {"position": 0.01, "stiffness": 0.0},
     "eccentric_sprocket": {"eccentricity": 0.0, "phase": 0.4},
-    "stribeck": {"force": 0.0, "velocity": 0.01},
-    "presliding": {"displacement": 0.0},
+    "stribeck": {"excess": 0.0, "velocity_constant": 0.01},
+    "presliding": {"distance": 0.0},
 }
 
 
@@ -78,14 +79,16 @@ def test_an_effect_of_no_size_changes_no_bit(name):
 
 def test_command_by_hand():
     def told(effects, command):
-        return acting(effects, np.array(command), 0.0, 1.0, 2, full=5.0)
+        return acting(effects, np.array(command), 0.0, 1.0, 2)
 
     assert told({"dead_band": {"width": 0.4}}, [1.0, 0.3, -2.0]) == [0.6, 0.6, 0.0, 0.0, -1.6, -1.6]
-    assert told({"valve_offset": {"offset": 0.02}}, [1.0]) == [1.1, 1.1]
+    assert told({"valve_offset": {"offset": 0.1}}, [1.0]) == [1.1, 1.1]
     # Half a volt a substep from 0 on: the mean over each substep.
-    assert told({"rate_limit": {"rate": 1.0}}, [1.0, -1.0]) == [0.25, 0.75, 0.75, 0.25]
+    assert told({"rate_limit": {"inverse_rate": 1.0}}, [1.0, -1.0]) == [0.25, 0.75, 0.75, 0.25]
     assert told({"command_delay": {"delay": 0.5}}, [1.0, 2.0]) == [0.0, 1.0, 1.0, 2.0]
-    both = acting({"rate_limit": {"rate": 2.0}}, np.array([[1.0, 3.0]]), np.array([1.0, 1.0]), 1.0, 2)
+    behind = told({"valve_hysteresis": {"half_width": 0.4}}, [1.0, 0.5, -1.0])
+    assert behind == [0.6, 0.6, 0.6, 0.6, -0.6, -0.6]
+    both = acting({"rate_limit": {"inverse_rate": 0.5}}, np.array([[1.0, 3.0]]), np.array([1.0, 1.0]), 1.0, 2)
     assert both == [[1.0, 1.5], [1.0, 2.5]]
 
 
@@ -120,10 +123,10 @@ def test_chamber_by_hand():
     late = t - 1e-3 - 5e-3 * (1 - np.exp(-t / 5e-3))
     np.testing.assert_allclose(charged(line_lag={"time_constant": 5e-3}), ramp * late, rtol=5e-3)
     np.testing.assert_allclose(charged(dead_volume={"volume": volume / 4}), 0.8 * charged(), rtol=1e-6)
-    adiabatic = charged(gas_heating={"share": 1.0, "time": 1e9})
+    adiabatic = charged(gas_heating={"share": 1.0, "thermal_time": 1e9})
     np.testing.assert_allclose(adiabatic, 1.4 * charged(), rtol=1e-4)
     # In a balance of heat brought and heat lost the gas is warmer by (γ - 1) τ q / m of its temperature.
-    warm = charged(gas_heating={"share": 1.0, "time": 1e-3})
+    warm = charged(gas_heating={"share": 1.0, "thermal_time": 1e-3})
     np.testing.assert_allclose(warm - charged(), 0.4 * 1e-3 * ramp, rtol=1e-3)
     inner, _ = cylinder(HELD, 0.0, 5e-4)
     assert inner == pytest.approx(volume * (6.5 / 7) ** 2)
@@ -134,7 +137,7 @@ def test_chamber_by_hand():
 def test_heated_gas_cools_to_the_pressure_of_its_mass():
     """Charged for 20 ms and shut: adiabatic at first, and after ten times the time constant isothermal."""
     command = np.where(np.arange(300) < 10, 5.0, 0.0)
-    heated = lifted({"gas_heating": {"share": 1.0, "time": 0.05}}, command, 20, HELD)[0] - AMBIENT
+    heated = lifted({"gas_heating": {"share": 1.0, "thermal_time": 0.05}}, command, 20, HELD)[0] - AMBIENT
     cold = lifted({}, command, 20, HELD)[0] - AMBIENT
     assert heated[13] > 1.25 * cold[13]
     assert heated[-1] == pytest.approx(cold[-1], rel=2e-3)
@@ -166,8 +169,8 @@ def test_driven_by_hand():
     n = 200
     p, x, v = np.full(n, AMBIENT + 3e5), np.where(np.arange(n) < 1, 0.0, 0.03), np.zeros(n)
     still, t = driven(MUSCLE, {}, p, x, v), np.arange(n) * 0.01
-    drifting = driven(MUSCLE, {"force_drift": {"rate": 2e-3}}, p, x, v)
-    np.testing.assert_allclose(drifting, still * (1 + 2e-3 * t), rtol=1e-12)
+    drifting = driven(MUSCLE, {"force_drift": {"share": 0.02, "time_constant": 3.0}}, p, x, v)
+    np.testing.assert_allclose(drifting, still * (1 - 0.02 * (1 - np.exp(-t / 3))), rtol=1e-12)
     creep = {"creep": {"stiffness": 400.0, "fast_time": 0.1, "slow_time": 1.5}}
     # The strain goes to 0.1 along a ramp over the first sample, of 10 ms.
     late = [0.1 * (1 - time / 0.01 * np.expm1(0.01 / time) * np.exp(-t[1:] / time)) for time in (0.1, 1.5)]
@@ -200,7 +203,9 @@ def test_readings_by_hand():
 
 
 def test_guide_by_hand():
-    limit = guide_limit({"load_friction": {"force": 8.0}, "stribeck": {"force": 4.0, "velocity": 0.01}})
+    limit = guide_limit(
+        {"load_friction": {"force": 8.0}, "stribeck": {"excess": 4.0, "velocity_constant": 0.01}}
+    )
     assert limit(0.0) == 12.0 and limit(-0.01) == pytest.approx(8 + 4 / np.e) and limit(1.0) == 8.0
     assert course(limit)(1.0) == pytest.approx(2 / 3) and course(lambda v: 0.0)(1.0) == 1.0
 
@@ -208,14 +213,16 @@ def test_guide_by_hand():
 def test_bristles_by_hand():
     """A spring for small displacements, the limit in steady sliding, a half of both when turned."""
     contact = Bristles(1e-4, course(guide_limit({"load_friction": {"force": 5.0}})))
-    contact.slide(0.01, 1e-4)  # a hundredth of the displacement
+    contact.slide(0.01, 1e-4)  # a hundredth of the distance
     assert contact.bend == pytest.approx(1 - exp(-0.01))
     contact.slide(0.01, 1.0)
     assert contact.share(0.01) == pytest.approx(1.0)
     contact.slide(-0.01, 1e-2 * np.log(2))
     assert contact.bend == pytest.approx(0.0, abs=1e-12)
     assert contact.share(-0.01) == pytest.approx(-BRISTLE_TIME * 100)
-    near_rest = guide_limit({"load_friction": {"force": 5.0}, "stribeck": {"force": 5.0, "velocity": 0.1}})
+    near_rest = guide_limit(
+        {"load_friction": {"force": 5.0}, "stribeck": {"excess": 5.0, "velocity_constant": 0.1}}
+    )
     falling = Bristles(1e-4, course(near_rest))
     falling.slide(1.0, 1.0)
     assert falling.bend == pytest.approx(0.5) and falling.share(1.0) == pytest.approx(1.0)
@@ -226,7 +233,7 @@ def test_short_bristles_are_sharp_friction():
     effects, command = THREADS | {"load_friction": {"force": 20.0}}, strokes()
     sharp = lifted(effects, command, 40)[1]
     apart = [
-        np.abs(lifted(effects | {"presliding": {"displacement": d}}, command, 40)[1] - sharp).max()
+        np.abs(lifted(effects | {"presliding": {"distance": d}}, command, 40)[1] - sharp).max()
         for d in (8e-4, 2e-4, 5e-5, 1.25e-5)
     ]
     assert all(longer > 2 * shorter for longer, shorter in zip(apart[:-1], apart[1:], strict=True))
@@ -237,7 +244,7 @@ def test_a_joint_on_bristles_gives_way_as_their_spring():
     """A torque below the limit turns it by torque over stiffness, F_c / δ for the bearing."""
     effects = {
         "load_friction": {"force": 0.5},
-        "presliding": {"displacement": 1.5e-4},
+        "presliding": {"distance": 0.01},
         "load_damping": {"coefficient": 4.0},
     }
     command = np.tile(AMBIENT + np.array([1.02e5, 0.98e5]), (400, 1))
@@ -251,19 +258,19 @@ def test_a_joint_on_bristles_gives_way_as_their_spring():
 
 
 def test_eccentric_sprocket_by_hand():
-    """At equal pressures the lever arms R - e and R + e turn it with -2 e F at first."""
+    """At equal pressures the lever arms R + e and R - e turn it with 2 e F at first."""
     command = np.tile(AMBIENT + np.array([2e5, 2e5]), (3, 1))
     force = schulte_force(TURN, 0.15, 2e5, 1.3)
-    *_, rate = turned({"eccentric_sprocket": {"eccentricity": 1e-3, "phase": 0.0}}, command)
-    assert rate[1] / STEP == pytest.approx(-2e-3 * force / TURN["inertia"], rel=1e-2)
-    *_, upright = turned({"eccentric_sprocket": {"eccentricity": 1e-3, "phase": pi / 2}}, command)
+    *_, rate = turned({"eccentric_sprocket": {"eccentricity": 1 / 15, "phase": 0.0}}, command)
+    assert rate[1] / STEP == pytest.approx(2e-3 * force / TURN["inertia"], rel=1e-2)
+    *_, upright = turned({"eccentric_sprocket": {"eccentricity": 1 / 15, "phase": pi / 2}}, command)
     assert abs(upright[1]) < 1e-3 * abs(rate[1])
 
 
 def test_regulators_by_hand():
     command = np.tile(AMBIENT + np.array([2e5, 2e5]), (150, 1))
     command[20:] += 5e4
-    slow = turned({"rate_limit": {"rate": 4e5}}, command)[0]
+    slow = turned({"rate_limit": {"inverse_rate": 2.5e-6}}, command)[0]
     assert np.diff(slow).max() / STEP == pytest.approx(4e5, rel=0.02)
     plain, lag = turned({}, command)[0], turned({"line_lag": {"time_constant": 0.02}}, command)[0]
     slope = (lag[2:] - lag[:-2]) / (2 * STEP)
@@ -282,27 +289,28 @@ ALL = {
     | {
         "load_friction": {"force": 12.0},
         "dead_band": {"width": 0.1},
-        "rate_limit": {"rate": 200.0},
-        "valve_offset": {"offset": 0.005},
+        "rate_limit": {"inverse_rate": 5e-3},
+        "valve_offset": {"offset": 0.02},
+        "valve_hysteresis": {"half_width": 0.05},
         "supply_droop": {"resistance": 2e7},
         "line_lag": {"time_constant": 4e-3},
         "dead_volume": {"volume": 5e-6},
-        "gas_heating": {"share": 0.5, "time": 0.3},
+        "gas_heating": {"share": 0.5, "thermal_time": 0.3},
         "wall_thickness": {"thickness": 5e-4},
         "creep": {"stiffness": 300.0, "fast_time": 0.05, "slow_time": 0.5},
         "end_stop": {"position": 0.03, "stiffness": 1e5},
-        "stribeck": {"force": 6.0, "velocity": 0.02},
-        "presliding": {"displacement": 1e-4},
+        "stribeck": {"excess": 6.0, "velocity_constant": 0.02},
+        "presliding": {"distance": 1e-4},
     },
     "joint": THREADS
     | {
         "load_friction": {"force": 0.2},
-        "stribeck": {"force": 0.1, "velocity": 0.1},
-        "eccentric_sprocket": {"eccentricity": 5e-4, "phase": 0.7},
+        "stribeck": {"excess": 0.1, "velocity_constant": 0.1},
+        "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.7},
         "end_stop": {"position": 0.3, "stiffness": 5.0},
         "line_lag": {"time_constant": 1e-2},
-        "rate_limit": {"rate": 1e6},
-        "presliding": {"displacement": 1e-4},
+        "rate_limit": {"inverse_rate": 1e-6},
+        "presliding": {"distance": 7e-3},
     },
 }
 

@@ -1,13 +1,14 @@
 """What acts of a command, substep by substep: late, of limited rate, off centre, dead near 0."""
 
 import numpy as np
+from oracles.plays import behind_play
 
 
-def acting(effects, command, before, step, substeps, full=1.0):
+def acting(effects, command, before, step, substeps):
     """The command in each substep, as a list; before its first sample it was `before`.
 
-    In this order: dead time; a rate that is limited (per second); an offset, as a share of the `full`
-    command; a dead band, within `width` to either side of 0.
+    In this order: dead time; a largest rate (per second, as its inverse); a play of the spool; an offset; a
+    dead band of `width` to either side of 0.
     """
     command = np.asarray(command, dtype=float)
     delay = effects.get("command_delay", {}).get("delay", 0.0)
@@ -15,9 +16,11 @@ def acting(effects, command, before, step, substeps, full=1.0):
     late = (np.arange(len(command) * substeps) + 0.5) / substeps - delay / step
     rows = np.maximum(late, 0.0).astype(int)
     told = np.where((late >= 0).reshape(-1, *[1] * (command.ndim - 1)), command[rows], before)
-    if limit := effects.get("rate_limit", {}).get("rate", 0.0):
-        told = limited(told, before, limit * step / substeps)
-    told = told + effects.get("valve_offset", {}).get("offset", 0.0) * full
+    if slow := effects.get("rate_limit", {}).get("inverse_rate", 0.0):
+        told = limited(told, before, step / substeps / slow)
+    if half := effects.get("valve_hysteresis", {}).get("half_width", 0.0):
+        told = behind_play(told, half, before)
+    told = told + effects.get("valve_offset", {}).get("offset", 0.0)
     width = effects.get("dead_band", {}).get("width", 0.0)
     told = told - np.clip(told, -width, width) if width else told
     return told.tolist()

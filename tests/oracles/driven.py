@@ -28,7 +28,7 @@ def driven(card, effects, pressure, contraction, velocity, step=0.01):
     if creep := effects.get("creep"):
         delayed = [lagged(strains, step, creep[name], FINE) for name in ("fast_time", "slow_time")]
     shares = np.sign(velocity)
-    if bend := effects.get("presliding", {}).get("displacement", 0.0):
+    if bend := effects.get("presliding", {}).get("distance", 0.0):
         shares = _bent(effects, bend, contraction, velocity, step)
     plays, force = [strains[0]] * len(THRESHOLDS), []
     moments = zip(pressure - card["ambient_pressure"], strains, velocity, shares, *delayed, strict=True)
@@ -40,9 +40,9 @@ def driven(card, effects, pressure, contraction, velocity, step=0.01):
     return np.array(force)
 
 
-def _bent(effects, displacement, contraction, velocity, step):
+def _bent(effects, distance, contraction, velocity, step):
     """Friction over its limit at the samples, the threads' bristles unbent at first."""
-    threads = Bristles(displacement, course(partial(thread_coefficient, effects)))
+    threads = Bristles(distance, course(partial(thread_coefficient, effects)))
     shares = [threads.share(velocity[0])]
     for way, v in zip(np.diff(contraction), velocity[1:], strict=True):
         threads.slide(way / step, step)

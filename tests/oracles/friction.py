@@ -3,8 +3,8 @@
     dz/dt = v - σ0 |v| z / g(v),   F = σ0 z + σ1 dz/dt
 
 The limit g(v) of a contact may change with pressure and contraction; its course over the speed, `course`, is
-what it is over its value at rest. Bristles that are fully bent at rest are bent by `displacement`, δ: written
-here for s = z / δ, so that σ0 = g(0) / δ and friction over its limit is (s + τ ds/dt) / course(v).
+what it is over its value at rest. Bristles that are fully bent at rest are bent by `distance`, δ. Written for
+s = z / δ, so that σ0 = g(0) / δ, and friction over its limit is (s + τ ds/dt) / course(v).
 """
 
 from math import copysign, exp
@@ -14,21 +14,21 @@ BRISTLE_TIME = 5e-4
 
 
 class Bristles:
-    """One contact: how far its bristles are bent, in units of `displacement` (m, or rad on a shaft)."""
+    """One contact: how far its bristles are bent, in units of `distance` (m, or rad on a shaft)."""
 
-    def __init__(self, displacement, course):
-        self.displacement, self.course, self.bend = displacement, course, 0.0
+    def __init__(self, distance, course):
+        self.distance, self.course, self.bend = distance, course, 0.0
 
     def share(self, v):
         """Friction over its limit at this speed: -1 to 1 in steady sliding."""
         course = self.course(v)
-        rate = (v - abs(v) * self.bend / course) / self.displacement
+        rate = (v - abs(v) * self.bend / course) / self.distance
         return (self.bend + BRISTLE_TIME * rate) / course
 
     def slide(self, v, h):
         """Bend for h seconds at a constant speed: the exact solution, however stiff the bristles are."""
         full = copysign(self.course(v), v)
-        self.bend = full + (self.bend - full) * exp(-abs(v) * h / (abs(full) * self.displacement))
+        self.bend = full + (self.bend - full) * exp(-abs(v) * h / (abs(full) * self.distance))
 
 
 def guide_limit(effects):
@@ -37,7 +37,7 @@ def guide_limit(effects):
     more = effects.get("stribeck")
     if more is None:
         return lambda v: coulomb
-    return lambda v: coulomb + more["force"] * exp(-((v / more["velocity"]) ** 2))
+    return lambda v: coulomb + more["excess"] * exp(-((v / more["velocity_constant"]) ** 2))
 
 
 def course(limit):

@@ -72,12 +72,12 @@ def isotonic(card, effects, command, step, pressure, substeps):
     dead, warm, cooling = (
         value("dead_volume", "volume"),
         value("gas_heating", "share"),
-        value("gas_heating", "time"),
+        value("gas_heating", "thermal_time"),
     )
     damping, guide = value("load_damping", "coefficient"), guide_limit(effects)
     stop, hardness = effects.get("end_stop", {}).get("position", np.inf), value("end_stop", "stiffness")
     bristles = []
-    if bend := value("presliding", "displacement"):
+    if bend := value("presliding", "distance"):
         bristles = [Bristles(bend, course(limit)) for limit in (partial(thread_coefficient, effects), guide)]
 
     def load(state, time, sense):
@@ -115,7 +115,7 @@ def isotonic(card, effects, command, step, pressure, substeps):
 
     h = step / substeps
     state, plays, samples = [0.0, pressure, 0.0, 0.0, 0.0, temperature, 0.0, 0.0], [0.0] * len(THRESHOLDS), []
-    for index, u in enumerate(acting(effects, command, 0.0, step, substeps, full)):
+    for index, u in enumerate(acting(effects, command, 0.0, step, substeps)):
         if index % substeps == 0:
             samples.append(state[1:4])
         time, (_, _, x, v, *_) = index * h, state

@@ -38,23 +38,20 @@ def joint(card, effects, command, step, pressure, angle, substeps):
     thicker = card["initial_radius"] * (1 + value("muscle_mismatch", "ratio"))
     muscles = [card, {**card, "initial_radius": thicker}]
     bristles = []
-    if bend := value("presliding", "displacement"):
+    if bend := value("presliding", "distance"):
         threads = course(partial(thread_coefficient, effects))
-        bristles = [
-            Bristles(bend, threads),
-            Bristles(bend, threads),
-            Bristles(bend / radius, course(bearing)),
-        ]
+        contacts = (radius * bend, threads), (radius * bend, threads), (bend, course(bearing))
+        bristles = [Bristles(*contact) for contact in contacts]
 
     def strains(theta):
-        """Both muscles shorten by Rθ, one of them less than nothing; both lengthen as the centre rises."""
-        turn, rise = radius * theta / length, off * (sin(theta + phase) - sin(phase)) / length
-        return card["initial_contraction"] + turn - rise, card["initial_contraction"] - turn - rise
+        """One muscle shortens by Rθ, the other lengthens; both shorten as the sprocket's centre sinks."""
+        turn, sunk = radius * theta / length, radius * off * (sin(theta - phase) + sin(phase)) / length
+        return card["initial_contraction"] + turn + sunk, card["initial_contraction"] - turn + sunk
 
     def speeds(theta, w):
         """Velocities of contraction: lever arms of the two, one of them negative, times the turning."""
-        rise = off * cos(theta + phase)
-        return (radius - rise) * w, (-radius - rise) * w
+        sinking = radius * off * cos(theta - phase)
+        return (radius + sinking) * w, (sinking - radius) * w
 
     def torque(state, time, sense):
         """Torque on the joint; sharp friction at its limit against a motion of the given sense."""

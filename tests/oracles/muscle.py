@@ -73,10 +73,12 @@ def corrected_force(card, effects, strain, gauge, plays):
 
 
 def aged(effects, force, delayed, time):
-    """A force less creep (strains delayed by a fast and a slow time) that drifts in proportion to itself."""
+    """A force less creep (strains delayed by a fast and a slow time), of which a share is lost over time."""
     if creep := effects.get("creep"):
         force = force - creep["stiffness"] * sum(delayed) / 2
-    return force * (1 + effects.get("force_drift", {}).get("rate", 0.0) * time)
+    if drift := effects.get("force_drift"):
+        force = force * (1 - drift["share"] * (1 - exp(-time / drift["time_constant"])))
+    return force
 
 
 def creeping(effects, strain, delayed):

@@ -2,6 +2,8 @@
 
 from math import exp, tanh
 
+import numpy as np
+
 TABLE_2 = {
     "a": (7.313, 0.381, -0.085, -2.050), "b": (1.790, 0.816, -1.588, -0.696),
     "rho": 17.371, "tau": 2.092, "alpha": 0.250, "p": (0.777, -0.819),
@@ -33,4 +35,12 @@ def modified(values, table, operators):
     for v in values:
         plays, output = modified_step(plays, v, table)
         found.append(output)
+    return found
+
+
+def behind_play(values, half_width, at):
+    """What a play of this half-width moves, `at` first: it stays until a side of the gap pushes it on."""
+    found = np.empty_like(values)
+    for row, value in enumerate(values):
+        at = found[row] = np.maximum(value - half_width, np.minimum(value + half_width, at))
     return found

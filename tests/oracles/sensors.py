@@ -2,6 +2,7 @@
 
 import numpy as np
 from oracles.driven import lagged
+from oracles.plays import behind_play
 
 LAGS = {"pressure_sensor_lag": "pressure", "force_sensor_lag": "force"}
 BACKLASH = ("position", "angle")
@@ -27,7 +28,7 @@ def _reading(effects, name, true, step):
     if name == "force" and (bent := effects.get("force_sensor_nonlinearity")):
         true = true + bent["cubic"] * true**3
     if name in BACKLASH and (slack := effects.get("backlash")):
-        true = played(true, slack["half_width"])
+        true = behind_play(true, slack["half_width"], true[0])
     own = {e: v for e, v in effects.items() if v.get("column") == name}
     if gain := own.get("sensor_gain"):
         true = (1 + gain["gain"]) * true
@@ -36,12 +37,3 @@ def _reading(effects, name, true, step):
     if drift := own.get("sensor_drift"):
         true = true + drift["rate"] * step * np.arange(len(true))
     return true
-
-
-def played(values, half_width):
-    """What is behind a backlash: it stays until a side of the gap pushes it on."""
-    at, found = values[0], []
-    for value in values:
-        at = max(value - half_width, min(value + half_width, at))
-        found.append(at)
-    return np.array(found)
