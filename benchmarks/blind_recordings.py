@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from blind_ranges import BRISTLES, RANGES, ROUGH_SHARE, Effects, declared_of, truth_of
 from numpy.typing import NDArray
 
 from jaxmuscle.recordings.card import Card
@@ -20,63 +21,49 @@ from jaxmuscle.recordings.recording import Recording
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from oracles.driven import driven  # pyright: ignore[reportMissingImports]
 from oracles.isotonic import isotonic  # pyright: ignore[reportMissingImports]
+from oracles.jetpipe import jet_pipe  # pyright: ignore[reportMissingImports]
 from oracles.joint import joint  # pyright: ignore[reportMissingImports]
+from oracles.sensors import readings  # pyright: ignore[reportMissingImports]
 
 AMBIENT = 101325.0
 Series = NDArray[np.float64]
-Effects = dict[str, dict[str, float]]
-THREADS = {"static_coefficient": (0.015, 0.015), "kinetic_coefficient": (0.05, 0.12),
-           "velocity_constant": (0.1, 0.2)}  # fmt: skip
-MUSCLE: dict[str, dict[str, tuple[float, float]]] = {
-    "thread_friction": THREADS,
-    "length_hysteresis": {"weight": (0.04, 0.16), "asymmetry": (-0.15, 0.15), "density_width": (0.1, 0.1)},
-    "bladder_stiffness": {"stiffness": (300, 1500), "threshold_pressure": (2e4, 6e4)},
-    "bladder_hoop_stiffness": {"wall_stiffness": (5, 30)},
-    "pressure_dependent_ends": {"amplitude": (0.8, 4)},
-}
-"""Effect → range of each parameter (SI), evenly drawn."""
-RANGES = {
-    "driven": MUSCLE,
-    "isotonic": MUSCLE
-    | {
-        "load_friction": {"force": (4, 30)},
-        "load_damping": {"coefficient": (15, 200)},
-        "chamber_leak": {"area": (2e-8, 2e-7)},
-        "command_delay": {"delay": (4e-3, 3e-2)},
-    },
-    "joint": MUSCLE
-    | {
-        "load_friction": {"force": (0.05, 0.5)},
-        "load_damping": {"coefficient": (0.02, 0.15)},
-        "gravity": {"torque": (0.2, 1.5), "hanging_angle": (-0.5, 0.5)},
-        "muscle_mismatch": {"ratio": (-0.08, 0.08)},
-        "command_delay": {"delay": (4e-3, 3e-2)},
-    },
-}
-SIZES = ("static_coefficient", "kinetic_coefficient", "weight", "stiffness", "wall_stiffness", "amplitude",
-         "force", "coefficient", "area", "delay", "torque", "ratio")  # fmt: skip
-"""Parameters that make an effect as large as it is; they are drawn smaller together."""
-SMALLEST = 0.03
-"""How much smaller at most, evenly in the logarithm: the largest are plain to see, the smallest are not."""
-STEPS = {"driven": 0.01, "isotonic": 2e-3, "joint": 2e-3}
-SECONDS = {"driven": 60.0, "isotonic": 20.0, "joint": 20.0}
-SUBSTEPS = {"isotonic": 6, "joint": 6}
+STEPS = {"driven": 0.01, "isotonic": 2e-3, "joint": 2e-3, "jet-pipe": 2e-3}
+SECONDS = {"driven": 60.0, "isotonic": 20.0, "joint": 20.0, "jet-pipe": 10.0}
+SUBSTEPS = {"isotonic": 6, "joint": 6, "jet-pipe": 16}
 NOISE = {"driven": {"force": 0.8}, "isotonic": {"pressure": 400.0, "position": 3e-5},
-         "joint": {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 4e-4}}  # fmt: skip
+         "joint": {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 4e-4},
+         "jet-pipe": {"current": 5e-4, "force": 0.2}}  # fmt: skip
 UNITS = {
     "ambient_pressure": "Pa", "initial_length": "m", "initial_radius": "m", "braid_angle": "rad",
     "valve_area": "m^2", "valve_time_constant": "s", "full_command": "V", "gas_temperature": "K",
     "mass": "kg", "regulator_frequency": "Hz", "sprocket_radius": "m", "inertia": "kg m^2",
-    "velocity_constant": "m/s",
+    "velocity_constant": "m/s", "current_gain": "A/V", "stopper_position": "m", "residual_force": "N",
+    "pipe_compliance": "m/N", "pipe_saturation_force": "N", "receiver_offset": "m",
 }  # fmt: skip
 """Of the quantities that a card names; what is not here has none."""
+ABSOLUTE = ("supply_pressure", "initial_pressure")
 UNCERTAIN = {
     "driven": {"initial_radius": 1e-4, "end_factor": 0.05},
     "isotonic": {"valve_area": 2e-7, "valve_time_constant": 1e-3, "end_factor": 0.05},
     "joint": {"regulator_frequency": 1.5, "end_factor": 0.05, "inertia": 0.02},
+    "jet-pipe": {"pipe_compliance": 4e-5, "receiver_offset": 1e-5, "discharge_coefficient": 0.03},
 }
 """What a card calls uncertain, and its standard deviation."""
-THREAD_STDS = {"static_coefficient": 0.004, "kinetic_coefficient": 0.02, "velocity_constant": 0.04}
+FRICTION_STDS = {
+    "isotonic": {
+        "static_coefficient": 0.004,
+        "kinetic_coefficient": 0.02,
+        "velocity_constant": 0.04,
+        "force": 2.0,
+    },
+    "joint": {
+        "static_coefficient": 0.004,
+        "kinetic_coefficient": 0.02,
+        "velocity_constant": 0.04,
+        "force": 0.03,
+    },
+}
+"""Of what a card declares."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,49 +71,58 @@ class Blind:
     """A recording and its truth.
 
     Attributes:
-        truth: effects that are there and not on the card, with their parameters.
+        truth: effects that are there and not on the card, with their parameters; an error of a sensor says
+            of which "column".
         noise: "white", or "coloured": as much again, correlated over a tenth of a second to two.
-        shift: root mean square change of a reading by the truth over its noise; the largest of all readings.
+        bristles: the distance over which dry friction builds up, 0 on a bench of sharp friction.
+        shift: what a reading differs by from one without the truth, root mean square over its noise; the
+            largest of all readings. Where a recorded column is imposed, without the truth but as recorded.
     """
 
     recording: Recording
     truth: Effects
     noise: str
+    bristles: float
     shift: float
 
 
-def drawn(seed: int, rig: str, effects: int, coloured: bool) -> Blind:
-    """The recording of a seed, which lacks so many effects."""
+def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str] = ()) -> Blind:
+    """The recording of a seed, which lacks so many effects; of these names only, where there are any."""
     draw = np.random.default_rng([seed, list(RANGES).index(rig), effects, coloured])
     machine = _machine(rig, draw)
-    names = draw.choice(sorted(RANGES[rig]), effects, replace=False).tolist()
-    truth = {name: _smaller(_between(RANGES[rig][name], draw), draw) for name in names}
-    declared: Effects = {}
-    if rig != "driven" and "thread_friction" not in truth:
-        declared = {"thread_friction": _between(THREADS, draw)}
+    offered = sorted(set(names) & set(RANGES[rig]) if names else RANGES[rig])
+    truth = truth_of(rig, draw.choice(offered, min(effects, len(offered)), replace=False).tolist(), draw)
+    declared = declared_of(rig, truth, draw)
+    bristles = _bristles(rig, draw) if "presliding" not in truth else 0.0
+    bench = declared | ({"presliding": {"distance": bristles}} if bristles else {})
+    if "gas_heating" in truth:
+        machine["polytropic_exponent"] = 1.0  # the share is counted from the isothermal law
     motion = MOTIONS[rig](draw)
-    with_it, without = (_readings(rig, machine, each, motion) for each in (declared | truth, declared))
-    shift = max(float(np.sqrt(np.mean((with_it[c] - without[c]) ** 2))) / s for c, s in NOISE[rig].items())
-    columns = {**motion, **with_it}
+    columns = _readings(rig, machine, bench | truth, motion)
+    shift = 0.0
+    if truth:
+        without = _readings(rig, machine, bench, {n: columns.get(n, series) for n, series in motion.items()})
+        shift = max(
+            float(np.sqrt(np.mean((columns[c] - without[c]) ** 2))) / s for c, s in NOISE[rig].items()
+        )
     for name, size in NOISE[rig].items():
         columns[name] = columns[name] + size * noise(len(columns[name]), STEPS[rig], coloured, draw)
     card = _card(rig, machine, declared, draw)
     columns = {name: columns[name] for name in card.columns if name in columns}
     recording = Recording(f"{rig}-{seed}", None, None, card, _clock(rig), STEPS[rig], columns)
-    return Blind(recording, truth, "coloured" if coloured else "white", shift)
+    return Blind(recording, truth, "coloured" if coloured else "white", bristles, shift)
 
 
-def _between(ranges: Mapping[str, tuple[float, float]], draw: np.random.Generator) -> dict[str, float]:
-    return {name: float(draw.uniform(*limits)) for name, limits in ranges.items()}
-
-
-def _smaller(values: dict[str, float], draw: np.random.Generator) -> dict[str, float]:
-    share = float(np.exp(draw.uniform(np.log(SMALLEST), 0.0)))
-    return {name: share * value if name in SIZES else value for name, value in values.items()}
+def _bristles(rig: str, draw: np.random.Generator) -> float:
+    """Of a rough bench, 0 of another."""
+    rough, distance = draw.random() < ROUGH_SHARE, np.exp(draw.uniform(*np.log(BRISTLES.get(rig, (1, 1)))))
+    return float(distance) if rough and rig in BRISTLES else 0.0
 
 
 def _machine(rig: str, draw: np.random.Generator) -> dict[str, float]:
     """True constants of a machine, SI."""
+    if rig == "jet-pipe":
+        return _valve(draw)
     muscle = {
         "initial_length": draw.uniform(0.25, 0.36), "initial_radius": draw.uniform(6e-3, 9e-3),
         "braid_angle": np.deg2rad(draw.uniform(19, 24)), "end_factor": draw.uniform(1.2, 1.38),
@@ -142,6 +138,17 @@ def _machine(rig: str, draw: np.random.Generator) -> dict[str, float]:
                "sprocket_radius": 0.015, "initial_contraction": draw.uniform(0.1, 0.18),
                "inertia": draw.uniform(0.04, 0.15)}  # fmt: skip
     return {name: float(value) for name, value in {**muscle, **own}.items()}
+
+
+def _valve(draw: np.random.Generator) -> dict[str, float]:
+    """True constants of a jet-pipe valve on a cylinder that is held."""
+    return {
+        "ambient_pressure": AMBIENT, "gas_temperature": 293.15, "polytropic_exponent": 1.4,
+        "supply_pressure": AMBIENT + draw.uniform(5e5, 6e5), "stopper_position": draw.uniform(0.043, 0.053),
+        "current_gain": 0.1, "residual_force": 3.0, "pipe_compliance": draw.uniform(0.7e-3, 0.9e-3),
+        "pipe_saturation_force": 0.9, "receiver_offset": draw.uniform(0.08e-3, 0.12e-3),
+        "discharge_coefficient": draw.uniform(0.6, 0.75), "initial_pressure": 3e5,
+    }  # fmt: skip
 
 
 def _steps(draw: np.random.Generator, seconds: float, step: float, shortest: float, longest: float) -> Series:
@@ -201,22 +208,45 @@ def _regulated(draw: np.random.Generator) -> dict[str, Series]:
     return {"command_1": common + difference, "command_2": common - difference}
 
 
-MOTIONS = {"driven": _imposed, "isotonic": _commanded, "joint": _regulated}
+def _held(draw: np.random.Generator) -> dict[str, Series]:
+    t, step, seconds = _clock("jet-pipe"), STEPS["jet-pipe"], SECONDS["jet-pipe"]
+    level = 0.5 * _steps(draw, seconds, step, 0.2, 0.8) + 0.6 * _sines(draw, t, 0.4, 12)[0]
+    return {"command": draw.uniform(0.6, 0.9) + level}
+
+
+MOTIONS = {"driven": _imposed, "isotonic": _commanded, "joint": _regulated, "jet-pipe": _held}
 
 
 def _readings(
     rig: str, machine: Mapping[str, float], effects: Effects, motion: Mapping[str, Series]
 ) -> dict[str, Series]:
-    """What the oracle gives for the sensors."""
+    """What the sensors say of what the oracle gives, and of the motion."""
+    true = {name: series for name, series in motion.items() if name != "velocity"} | _true(
+        rig, machine, effects, motion
+    )
+    return readings(effects, true, STEPS[rig])
+
+
+def _true(
+    rig: str, machine: Mapping[str, float], effects: Effects, motion: Mapping[str, Series]
+) -> dict[str, Series]:
+    """What the oracle gives."""
+    step, substeps = STEPS[rig], SUBSTEPS.get(rig, 1)
     if rig == "driven":
-        force = driven(machine, effects, motion["pressure"], motion["position"], motion["velocity"])
-        return {"force": force}
+        imposed = (motion[name] for name in ("pressure", "position", "velocity"))
+        return {"force": driven(machine, effects, *imposed, step)}
     if rig == "isotonic":
-        found = isotonic(machine, effects, motion["command"], STEPS[rig], AMBIENT, SUBSTEPS[rig])
-        return {"pressure": found[0], "position": found[1]}
+        pressure, position, _ = isotonic(machine, effects, motion["command"], step, AMBIENT, substeps)
+        return {"pressure": pressure, "position": position}
+    if rig == "jet-pipe":
+        if "current_saturation" in effects:
+            limit = 1 / effects["current_saturation"]["inverse_limit"]
+            effects = effects | {"current_saturation": {"limit": limit}}
+        current, force = jet_pipe(machine, effects, motion["command"], step, substeps)
+        return {"current": current, "force": force}
     commands = np.stack([motion["command_1"], motion["command_2"]], axis=1)
-    found = joint(machine, effects, commands, STEPS[rig], tuple(commands[0]), 0.0, SUBSTEPS[rig])
-    return {"pressure_1": found[0], "pressure_2": found[1], "angle": found[2]}
+    first, second, angle, _ = joint(machine, effects, commands, step, tuple(commands[0]), 0.0, substeps)
+    return {"pressure_1": first, "pressure_2": second, "angle": angle}
 
 
 def noise(rows: int, step: float, coloured: bool, draw: np.random.Generator) -> Series:
@@ -235,21 +265,22 @@ def noise(rows: int, step: float, coloured: bool, draw: np.random.Generator) -> 
 def _card(rig: str, machine: Mapping[str, float], declared: Effects, draw: np.random.Generator) -> Card:
     """As an experimenter would write it: what is uncertain is off by its standard deviation, normally."""
     absolute = {"unit": "Pa", "reference": "absolute"}
+    units_of = {**UNITS, "force": "N m" if rig == "joint" else "N"}
 
     def section(values: Mapping[str, float], stds: Mapping[str, float]) -> dict[str, Any]:
         found = {}
         for name, value in values.items():
             std = stds.get(name)
             off = 0.0 if std is None else float(np.clip(draw.normal(), -2, 2)) * std
-            unit = absolute if name == "supply_pressure" else {"unit": UNITS.get(name, "")}
+            unit = absolute if name in ABSOLUTE else {"unit": units_of.get(name, "")}
             found[name] = {"value": value + off, **unit, **({} if std is None else {"std": std})}
         return found
 
     stds = UNCERTAIN[rig]
-    units = {"position": "m", "force": "N", "angle": "rad", "command": "V", "time": "s"}
+    units = {"position": "m", "force": "N", "angle": "rad", "command": "V", "time": "s", "current": "A"}
     names = ["time", *_columns(rig)]
     columns = {n: {"column": n, **({"unit": units[n]} if n in units else absolute)} for n in names}
-    skipped = {"ambient_pressure"} if rig != "isotonic" else set()
+    skipped = {"ambient_pressure"} if rig in ("driven", "joint") else set()
     known = {n: v for n, v in machine.items() if n not in stds and n not in skipped}
     return Card.parse(
         {
@@ -258,7 +289,7 @@ def _card(rig: str, machine: Mapping[str, float], declared: Effects, draw: np.ra
             "known": section(known, {}),
             "uncertain": section({n: machine[n] for n in stds}, stds),
             "noise": {n: {"value": size, "unit": units.get(n, "Pa")} for n, size in NOISE[rig].items()},
-            "effects": {name: section(values, THREAD_STDS) for name, values in declared.items()},
+            "effects": {name: section(values, FRICTION_STDS[rig]) for name, values in declared.items()},
             **({} if rig == "driven" else {"fit": {"horizon": {"value": 1, "unit": "s"}}}),
         }
     )
@@ -269,4 +300,6 @@ def _columns(rig: str) -> list[str]:
         return ["pressure", "position", "force"]
     if rig == "isotonic":
         return ["command", "pressure", "position"]
+    if rig == "jet-pipe":
+        return ["command", "current", "force"]
     return ["command_1", "command_2", "pressure_1", "pressure_2", "angle"]
