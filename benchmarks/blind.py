@@ -2,8 +2,9 @@
 
 Rigs, constants, motions, effects and their sizes, pairs of effects, white and coloured noise are drawn from
 a seed (`blind_recordings.py`). Every diagnosis is a line of a file; a run that is interrupted goes on where
-it was. Then the file is summed up: which effect was taken for which, how small an effect is still found, how
-often nothing at all was taken for something, whether intervals hold the truth.
+it was, and several may fill one file together. Then the file is summed up: which effect was taken for which,
+how small an effect is still found, how often nothing at all was taken for something, whether intervals hold
+the truth.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from blind_file import Row, claimed, keep, kept, key
+from blind_ranges import label
 from blind_recordings import RANGES, Blind, drawn
 
 import jaxmuscle as jm
@@ -31,22 +34,34 @@ SEEN = 5.0
 INTERVAL = 1.96
 WORSE = 1.05
 """Held-out error after over before from which a diagnosis has done harm."""
-Row = dict[str, Any]
 
 
-def tasks(count: int, rigs: Sequence[str]) -> Iterator[tuple[int, str, int, bool]]:
-    """Seed, rig, number of effects, and whether the noise is coloured; the same for the same numbers."""
-    for seed in range(count):
+def tasks(
+    count: int, rigs: Sequence[str], names: Sequence[str] = (), only: bool = False
+) -> Iterator[tuple[int, str, int, bool]]:
+    """Seed, rig, number of effects, and whether the noise is coloured; the same for the same numbers.
+
+    With `names`, of the rigs that have one of them, and no more effects than those; `only`: always one.
+    """
+    rigs = [rig for rig in rigs if not names or set(names) & set(RANGES[rig])]
+    for seed in range(count if rigs else 0):
         # Steps that fill the unit interval evenly, whatever the count.
         kind, colour = (seed * 0.6180339887) % 1, (seed * 0.7548776662) % 1
+        rig = rigs[seed % len(rigs)]
         effects = 0 if kind < CLEAN_SHARE else 2 if kind > 1 - PAIR_SHARE else 1
-        yield seed, rigs[seed % len(rigs)], effects, colour < COLOURED_SHARE
+        most = len(set(names) & set(RANGES[rig])) if names else 2
+        yield seed, rig, 1 if only else min(effects, most), colour < COLOURED_SHARE
 
 
 def diagnosed(blind: Blind) -> Row:
     """A line of the file; a recording that is refused counts as such."""
     begin = time.perf_counter()
-    row: Row = {"truth": blind.truth, "noise": blind.noise, "shift": round(blind.shift, 2)}
+    row: Row = {
+        "truth": blind.truth,
+        "noise": blind.noise,
+        "bristles": blind.bristles,
+        "shift": round(blind.shift, 2),
+    }
     try:
         found = jm.diagnose(blind.recording)
     except InputError as error:
@@ -67,44 +82,37 @@ def diagnosed(blind: Blind) -> Row:
     }
 
 
-def resumed(path: Path) -> dict[tuple[int, str, int, str], Row]:
-    """Lines of the file by what was drawn; a line that was cut off is left out."""
-    rows = {}
-    for line in path.read_text().splitlines() if path.exists() else []:
-        try:
-            row = json.loads(line)
-        except json.JSONDecodeError:
-            continue  # the run was interrupted while it wrote this line: it is made again
-        rows[row["seed"], row["rig"], len(row["truth"]), row["noise"]] = row
-    return rows
-
-
-def run(count: int, rigs: Sequence[str], path: Path) -> list[Row]:
-    """Diagnose what the file does not have yet; all rows of this count and these rigs."""
-    had, rows = resumed(path), []
+def run(
+    count: int, rigs: Sequence[str], path: Path, names: Sequence[str] = (), only: bool = False
+) -> list[Row]:
+    """Diagnose what the file does not have yet and no other run is at; all rows of these tasks by now."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists() and not path.read_text().endswith("\n"):
-        with path.open("a") as file:
-            file.write("\n")
-    for seed, rig, effects, coloured in tasks(count, rigs):
-        key = seed, rig, effects, "coloured" if coloured else "white"
-        if key not in had:
-            row = {"seed": seed, "rig": rig, **diagnosed(drawn(seed, rig, effects, coloured))}
-            with path.open("a") as file:
-                file.write(json.dumps(row) + "\n")
-            had[key] = row
+    keys = []
+    for seed, rig, effects, coloured in tasks(count, rigs, names, only):
+        task = key(seed, rig, effects, "coloured" if coloured else "white", tuple(names))
+        keys.append(task)
+        with claimed(path, task) as mine:
+            if not mine or task in kept(path):
+                continue
+            row = {"seed": seed, "rig": rig, **({"names": sorted(names)} if names else {})}
+            row |= diagnosed(drawn(seed, rig, effects, coloured, names))
+            keep(path, row)
             print(line(row), flush=True)
-        rows.append(had[key])
-    return rows
+    rows = kept(path)
+    elsewhere = sum(task not in rows for task in keys)
+    if elsewhere:
+        print(f"{elsewhere} of {len(keys)} recordings are left to runs that are still at them")
+    return [rows[task] for task in keys if task in rows]
 
 
 def line(row: Row) -> str:
     """One diagnosis in a line."""
-    truth, found = "+".join(row["truth"]) or "nothing", "+".join(row.get("found", {})) or "-"
+    truth, found = "+".join(there(row)) or "nothing", "+".join(row.get("found", {})) or "-"
     told = row.get("verdict", row.get("refused"))
     errors = ", ".join(f"{c} {b:.3g} → {row['after'][c]:.3g}" for c, b in row.get("before", {}).items())
+    bench = "rough" if row.get("bristles") else "sharp"
     return (
-        f"{row['seed']:4d} {row['rig']:9s} {row['noise']:8s} {truth:45s} by {row['shift']:7.2f}: "
+        f"{row['seed']:4d} {row['rig']:9s} {row['noise']:8s} {bench} {truth:45s} by {row['shift']:7.2f}: "
         f"{found:40s} {told}; {errors}; {row.get('seconds', 0)} s"
     )
 
@@ -124,10 +132,10 @@ def figures(rows: Sequence[Row]) -> list[Row]:
                 "ok": bool(over) and share >= goal}  # fmt: skip
 
     return [
-        figure("first effect right, where it can be seen", 0.95, clear, lambda r: first(r) in r["truth"]),
+        figure("first effect right, where it can be seen", 0.95, clear, lambda r: first(r) in there(r)),
         figure("exactly the true effects, where they can be seen", 0.85, clear, exact),
-        figure("nothing found where nothing is missing", 0.99, clean, lambda r: not r["found"]),
-        figure("nothing added that is not there", 0.99, told, lambda r: set(r["found"]) <= set(r["truth"])),
+        figure("nothing found where nothing is missing", 0.99, clean, lambda r: not superfluous(r)),
+        figure("nothing added that is not there", 0.99, told, lambda r: not superfluous(r)),
         figure("95 % intervals of effects that hold the truth", 0.90, covered, bool),
         figure("no held-out error worse where effects were found", 1.0, effects, harmless),
         figure("recordings that are not refused", 1.0, rows, lambda r: "found" in r),
@@ -139,9 +147,19 @@ def first(row: Row) -> str | None:
     return next(iter(row["found"]), None)
 
 
+def there(row: Row) -> list[str]:
+    """The true effects, by the names that a result has for them."""
+    return [label(name, parameters) for name, parameters in row["truth"].items()]
+
+
+def superfluous(row: Row) -> set[str]:
+    """What was found and is not there; bristles are on a rough bench, though not to be found at any size."""
+    return set(row["found"]) - set(there(row)) - ({"presliding"} if row.get("bristles") else set())
+
+
 def exact(row: Row) -> bool:
     """Whether the effects found are those that are there."""
-    return set(row["found"]) == set(row["truth"])
+    return set(there(row)) <= set(row["found"]) and not superfluous(row)
 
 
 def harmless(row: Row) -> bool:
@@ -154,11 +172,30 @@ def coverage(row: Row) -> Iterator[bool]:
 
     Of a parameter that the data do not determine the interval is that of its prior: it is left out.
     """
+    for value, found in compared(row):
+        if found is not None and 0 < found[1] < abs(found[0]):
+            yield abs(found[0] - value) <= INTERVAL * found[1]
+
+
+def compared(row: Row) -> Iterator[tuple[float, list[float] | None]]:
+    """True and found value of each parameter of an effect that was rightly found; None if it has none."""
     for name, truth in row["truth"].items():
-        for parameter, value in truth.items():
-            found = row["found"].get(name, {}).get(parameter)
-            if found is not None and 0 < found[1] < abs(found[0]):
-                yield abs(found[0] - value) <= INTERVAL * found[1]
+        found = row["found"].get(label(name, truth))
+        for parameter, value in truth.items() if found is not None else ():
+            if parameter != "column":
+                yield value, found.get(parameter)
+
+
+def uncompared(rows: Sequence[Row]) -> str:
+    """Parameters that true effects have and findings of the same effect don't: they count nowhere."""
+    missing = {
+        f"{name}.{parameter}"
+        for row in rows
+        for name, truth in row["truth"].items()
+        for parameter in truth
+        if parameter != "column" and parameter not in row.get("found", {}).get(label(name, truth), truth)
+    }
+    return ", ".join(sorted(missing))
 
 
 def confusion(rows: Sequence[Row]) -> str:
@@ -166,11 +203,11 @@ def confusion(rows: Sequence[Row]) -> str:
     pairs: Counter[tuple[str, str]] = Counter()
     for row in rows:
         if "found" in row and len(row["truth"]) <= 1 and (not row["truth"] or row["shift"] >= SEEN):
-            pairs[next(iter(row["truth"]), "nothing"), first(row) or f"({row['verdict']})"] += 1
+            pairs[next(iter(there(row)), "nothing"), first(row) or f"({row['verdict']})"] += 1
     truths = dict.fromkeys(truth for truth, _ in sorted(pairs))
     table = []
     for truth in truths:
-        own = {found: n for (there, found), n in pairs.most_common() if there == truth}
+        own = {found: n for (lacking, found), n in pairs.most_common() if lacking == truth}
         table.append([truth, ", ".join(f"{found} {n}" for found, n in own.items())])
     return aligned(["there", "added first"], table)
 
@@ -182,7 +219,7 @@ def detection(rows: Sequence[Row]) -> str:
     singles = [row for row in rows if "found" in row and len(row["truth"]) == 1]
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         some = [row for row in singles if low <= row["shift"] < high]
-        right = sum(first(row) in row["truth"] for row in some)
+        right = sum(first(row) in there(row) for row in some)
         table.append([f"{low:g} to {high:g}", str(right), str(len(some))])
     return aligned(["change in noise", "found", "of"], table)
 
@@ -192,13 +229,24 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=300, help="recordings in all (default 300)")
     parser.add_argument("--rigs", nargs="*", choices=list(RANGES), default=list(RANGES))
     parser.add_argument("--file", type=Path, default=Path("blind.jsonl"), help="where diagnoses are kept")
+    every = sorted({name for effects in RANGES.values() for name in effects})
+    drawing = parser.add_mutually_exclusive_group()
+    drawing.add_argument("--names", nargs="+", choices=every, default=[], metavar="NAME",
+                         help="draw effects from these only")  # fmt: skip
+    drawing.add_argument("--only-effect", choices=every, metavar="NAME",
+                         help="every recording lacks this effect and nothing else")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     arguments = parser.parse_args()
     begin = time.perf_counter()
-    rows = run(arguments.count, arguments.rigs, arguments.file)
+    names, only = arguments.names, arguments.only_effect is not None
+    rows = run(
+        arguments.count, arguments.rigs, arguments.file, [arguments.only_effect] if only else names, only
+    )
     reached = figures(rows)
     print("\nSingle effects that change a reading by", f"{SEEN:g} times its noise, and clean recordings:")
     print(confusion(rows), detection(rows), sep="\n\n", end="\n\n")
+    if nowhere := uncompared(rows):
+        print("Parameters that findings do not have:", nowhere)
     for row in reached:
         share = f"{row['count']} of {row['of']}"
         print(f"{'ok' if row['ok'] else 'NO':3s} {row['figure']:55s} {share:12s} goal {row['goal']:.0%}")

@@ -1,6 +1,7 @@
 """The blind benchmark draws the same recordings again, goes on after an interruption, and counts rightly."""
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -9,10 +10,19 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import blind  # pyright: ignore[reportMissingImports]
-from blind_recordings import RANGES, drawn, noise  # pyright: ignore[reportMissingImports]
+import blind_recordings  # pyright: ignore[reportMissingImports]
+from blind_file import claimed, kept, key  # pyright: ignore[reportMissingImports]
+from blind_ranges import (  # pyright: ignore[reportMissingImports]
+    RANGES,
+    RESTS_ON_FRICTION,
+    SIZES,
+    declared_of,
+    truth_of,
+)
+from blind_recordings import drawn, noise  # pyright: ignore[reportMissingImports]
 
 
-def row(truth, found, *, shift=10.0, verdict=None, value=1.0, std=0.1, after=1.0):
+def row(truth, found, *, shift=10.0, verdict=None, value=1.0, std=0.1, after=1.0, bristles=0.0):
     """A line of the file, every parameter being 1 in truth."""
     effects = {name: {"p": 1e-6, "strength": [value, std]} for name in found}
     return {
@@ -20,6 +30,7 @@ def row(truth, found, *, shift=10.0, verdict=None, value=1.0, std=0.1, after=1.0
         "rig": "driven",
         "noise": "white",
         "truth": {name: {"strength": 1.0} for name in truth},
+        "bristles": bristles,
         "shift": shift,
         "found": effects,
         "verdict": verdict or ("effects found" if found else "complete"),
@@ -34,6 +45,63 @@ def test_the_same_seed_gives_the_same_recording_and_another_another():
     assert one.truth == again.truth != other.truth
     assert one.shift > 0 and set(one.truth) <= set(RANGES["driven"])
     assert drawn(4, "driven", 0, True).shift == 0
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Recordings of a second or two: the oracles are in plain Python."""
+    for rig, seconds in {"driven": 4.0, "isotonic": 1.0, "joint": 0.6, "jet-pipe": 0.3}.items():
+        monkeypatch.setitem(blind_recordings.SECONDS, rig, seconds)
+
+
+@pytest.mark.parametrize("rig", RANGES)
+def test_every_rig_gives_readings_for_the_columns_of_its_card(rig, short):
+    one = drawn(2, rig, 2, True)
+    assert list(one.recording.columns) == [name for name in one.recording.card.columns if name != "time"]
+    assert len(one.truth) == 2 and np.isfinite(one.shift)
+    assert all(np.isfinite(series).all() for series in one.recording.columns.values())
+
+
+@pytest.mark.parametrize("rig", RANGES)
+def test_every_effect_of_a_rig_has_a_size_and_the_friction_that_it_rests_on(rig):
+    draw = np.random.default_rng(0)
+    for name in RANGES[rig]:
+        truth = truth_of(rig, [name], draw)
+        assert set(truth[name]) & set(SIZES[name])
+        declared = declared_of(rig, truth, draw)
+        assert not set(declared) & set(truth)
+        if name in RESTS_ON_FRICTION:
+            assert "load_friction" in declared
+
+
+def test_an_error_of_an_imposed_sensor_is_seen_where_it_leads_the_model_astray(short):
+    """An offset of the pressure of a test machine is no change of its force, but of the force expected."""
+    one = next(
+        one
+        for one in (drawn(seed, "driven", 1, False, ["sensor_offset"]) for seed in range(20))
+        if one.truth["sensor_offset"]["column"] == "pressure"
+    )
+    offset = abs(one.truth["sensor_offset"]["offset"])
+    clean = drawn(0, "driven", 0, False, ["sensor_offset"])
+    assert clean.truth == {} and clean.shift == 0
+    # At 14.1 π r0² of force per pressure at full length, less where it is contracted.
+    assert 0.1 < one.shift * 0.8 / (offset * 14.1 * np.pi * 0.0075**2) < 1.0
+
+
+def test_a_third_of_all_benches_are_rough_the_clean_ones_too(short):
+    bristles = [drawn(seed, "driven", 0, False).bristles for seed in range(60)]
+    assert 12 <= sum(each > 0 for each in bristles) <= 28
+    assert all(5e-6 <= each <= 3e-5 for each in bristles if each)
+
+
+def test_only_names_that_were_asked_for_are_drawn(short):
+    for seed in range(6):
+        assert set(drawn(seed, "driven", 1, False, ["creep", "chamber_leak"]).truth) == {"creep"}
+    one_effect = list(blind.tasks(30, ["driven", "isotonic", "joint"], ["chamber_leak"], only=True))
+    assert {(rig, effects) for _, rig, effects, _ in one_effect} == {("isotonic", 1)}
+    few = {effects for _, _, effects, _ in blind.tasks(60, ["driven"], ["creep"])}
+    assert few == {0, 1}
+    assert list(blind.tasks(5, ["driven"], ["gravity"])) == []
 
 
 def test_coloured_noise_is_half_white_and_half_slow():
@@ -62,6 +130,24 @@ def test_figures():
     assert list(blind.coverage(undetermined)) == []
 
 
+def test_errors_of_sensors_go_by_the_column_and_bristles_are_on_a_rough_bench():
+    off = {"sensor_offset": {"column": "pressure", "offset": 1.0}}
+    right = row([], ["sensor_offset_pressure"]) | {"truth": off}
+    wrong = row([], ["sensor_offset_position"]) | {"truth": off}
+    right["found"]["sensor_offset_pressure"] = {"p": 1e-6, "offset": [1.05, 0.1]}
+    assert blind.exact(right) and blind.first(right) in blind.there(right)
+    assert not blind.exact(wrong) and blind.superfluous(wrong) == {"sensor_offset_position"}
+    assert list(blind.coverage(right)) == [True] and list(blind.coverage(wrong)) == []
+    assert blind.uncompared([right, wrong]) == ""
+    assert (
+        blind.uncompared([row(["gravity"], ["gravity"]) | {"truth": {"gravity": {"mass": 2.0}}}])
+        == "gravity.mass"
+    )
+    rough, sharp = (row([], ["presliding"], bristles=b) for b in (1e-5, 0.0))
+    assert not blind.superfluous(rough) and blind.superfluous(sharp)
+    assert blind.exact(row(["creep"], ["creep", "presliding"], bristles=1e-5))
+
+
 def test_shares_of_what_is_drawn():
     drawn_ones = list(blind.tasks(300, ["driven", "joint"]))
     effects = [effects for _, _, effects, _ in drawn_ones]
@@ -70,19 +156,23 @@ def test_shares_of_what_is_drawn():
     assert drawn_ones[:50] == list(blind.tasks(50, ["driven", "joint"]))
 
 
-def test_an_interrupted_run_goes_on(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def asked(monkeypatch):
+    """What is diagnosed, by a diagnosis that costs nothing."""
     asked = []
 
-    def diagnosed(recording):
-        asked.append(recording)
-        return {k: v for k, v in row([], []).items() if k not in ("seed", "rig")} | {"noise": recording[3]}
+    def diagnosed(drawing):
+        asked.append(drawing[:4])
+        told = {k: v for k, v in row([], []).items() if k not in ("seed", "rig")}
+        colour = "coloured" if drawing[3] else "white"
+        return told | {"noise": colour, "truth": {str(i): {} for i in range(drawing[2])}}
 
-    monkeypatch.setattr(
-        blind, "drawn", lambda *drawing: (*drawing[:3], "coloured" if drawing[3] else "white")
-    )
-    monkeypatch.setattr(
-        blind, "diagnosed", lambda b: diagnosed(b) | {"truth": {str(i): {} for i in range(b[2])}}
-    )
+    monkeypatch.setattr(blind, "drawn", lambda *drawing: drawing)
+    monkeypatch.setattr(blind, "diagnosed", diagnosed)
+    return asked
+
+
+def test_an_interrupted_run_goes_on(tmp_path, asked):
     file = tmp_path / "deeper" / "blind.jsonl"
     assert len(blind.run(3, ["driven"], file)) == 3
     with file.open("a") as lines:
@@ -90,3 +180,31 @@ def test_an_interrupted_run_goes_on(tmp_path, monkeypatch, capsys):
     for _ in range(2):
         assert len(blind.run(5, ["driven"], file)) == 5
         assert len(asked) == 5
+    # Of the same seeds, but drawn from other names.
+    assert len(blind.run(5, ["driven"], file, ["creep"])) == 5
+    assert len(asked) == 10 and len(kept(file)) == 10
+
+
+def test_runs_that_fill_one_file_together_leave_each_other_alone(tmp_path, asked, capsys):
+    file = tmp_path / "blind.jsonl"
+    drawings = list(blind.tasks(4, ["driven"]))
+    seed, rig, effects, coloured = drawings[1]
+    busy = key(seed, rig, effects, "coloured" if coloured else "white")
+    with claimed(file, busy) as mine:
+        assert mine
+        assert len(blind.run(4, ["driven"], file)) == 3
+        assert drawings[1] not in asked and "1 of 4 recordings are left" in capsys.readouterr().out
+    assert len(blind.run(4, ["driven"], file)) == 4 and asked[-1] == drawings[1]
+
+
+def test_lines_of_several_processes_do_not_mix(tmp_path):
+    file = tmp_path / "blind.jsonl"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(blind.__file__).parent)!r}); from pathlib import Path;"
+        "from blind_file import keep;"
+        "[keep(Path(sys.argv[1]), {'seed': int(sys.argv[2]) + i, 'long': 'x' * 20000}) for i in range(20)]"
+    )
+    runs = [subprocess.Popen([sys.executable, "-c", code, file, str(begin)]) for begin in (0, 100)]
+    assert [each.wait() for each in runs] == [0, 0]
+    seeds = [json.loads(each)["seed"] for each in file.read_text().splitlines()]
+    assert sorted(seeds) == [*range(20), *range(100, 120)]
