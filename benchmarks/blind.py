@@ -180,10 +180,8 @@ def coverage(row: Row) -> Iterator[bool]:
 def compared(row: Row) -> Iterator[tuple[float, list[float] | None]]:
     """True and found value of each parameter of an effect that was rightly found; None if it has none."""
     for name, truth in row["truth"].items():
-        found = row["found"].get(label(name, truth))
-        for parameter, value in truth.items() if found is not None else ():
-            if parameter != "column":
-                yield value, found.get(parameter)
+        if (found := row["found"].get(label(name, truth))) is not None:
+            yield from ((value, found.get(each)) for each, value in truth.items() if each != "column")
 
 
 def uncompared(rows: Sequence[Row]) -> str:

@@ -18,7 +18,7 @@ MUSCLE: dict[str, dict[str, Any]] = {
     "bladder_hoop_stiffness": {"wall_stiffness": (5, 30)},
     "pressure_dependent_ends": {"amplitude": (0.8, 4)},
     "wall_thickness": {"thickness": (2e-4, 1e-3)},
-    "creep": {"stiffness": (200, 1500), "fast_time": (0.1, 0.6), "slow_time": (2, 8)},
+    "creep": {"stiffness": (200, 800), "fast_time": (0.1, 0.6), "slow_time": (2, 8)},
     "force_drift": {"share": (0.03, 0.2), "time_constant": (5, 20)},
 }
 MOTION = {
@@ -54,11 +54,11 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
         "load_friction": {"force": (4, 30)},
         "stribeck": {"excess": (4, 30), "velocity_constant": (5e-3, 3e-2)},
         "load_damping": {"coefficient": (15, 200)},
-        "end_stop": {"stiffness": (2e3, 5e4), "position": (0.015, 0.03)},
+        "end_stop": {"stiffness": (2e3, 5e4), "position": (0.03, 0.06)},
         "chamber_leak": {"area": (2e-8, 2e-7)},
         "command_delay": {"delay": (4e-3, 3e-2)},
-        "dead_band": {"width": (0.1, 0.8)},
-        "valve_offset": {"offset": (0.05, 0.4)},
+        "dead_band": {"width": (0.1, 0.5)},
+        "valve_offset": {"offset": (0.05, 0.25)},
         "valve_hysteresis": {"half_width": (0.1, 0.6)},
         "rate_limit": {"inverse_rate": (3e-3, 3e-2)},
         "supply_droop": {"resistance": (1e7, 1e8)},

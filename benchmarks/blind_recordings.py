@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,7 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     offered = sorted(set(names) & set(RANGES[rig]) if names else RANGES[rig])
     truth = truth_of(rig, draw.choice(offered, min(effects, len(offered)), replace=False).tolist(), draw)
     declared = declared_of(rig, truth, draw)
-    bristles = _bristles(rig, draw) if "presliding" not in truth else 0.0
+    bristles = _bristles(rig, {*declared, *truth}, draw)
     bench = declared | ({"presliding": {"distance": bristles}} if bristles else {})
     if "gas_heating" in truth:
         machine["polytropic_exponent"] = 1.0  # the share is counted from the isothermal law
@@ -113,10 +113,11 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     return Blind(recording, truth, "coloured" if coloured else "white", bristles, shift)
 
 
-def _bristles(rig: str, draw: np.random.Generator) -> float:
-    """Of a rough bench, 0 of another."""
+def _bristles(rig: str, effects: Set[str], draw: np.random.Generator) -> float:
+    """Of a rough bench, 0 of another and of one without dry friction."""
     rough, distance = draw.random() < ROUGH_SHARE, np.exp(draw.uniform(*np.log(BRISTLES.get(rig, (1, 1)))))
-    return float(distance) if rough and rig in BRISTLES else 0.0
+    dry = effects & {"thread_friction", "load_friction"} and "presliding" not in effects
+    return float(distance) if rough and dry else 0.0
 
 
 def _machine(rig: str, draw: np.random.Generator) -> dict[str, float]:
