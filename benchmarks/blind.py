@@ -118,7 +118,7 @@ def line(row: Row) -> str:
 
 
 def figures(rows: Sequence[Row]) -> list[Row]:
-    """The figures that are to be reached, each as a count of how many."""
+    """The figures that are to be reached, each as a count of how many; none of what was not drawn."""
     told = [row for row in rows if "found" in row]
     clean = [row for row in told if not row["truth"]]
     clear = [row for row in told if row["truth"] and row["shift"] >= SEEN]
@@ -127,11 +127,11 @@ def figures(rows: Sequence[Row]) -> list[Row]:
 
     def figure(name: str, goal: float, over: Sequence[Any], right: Callable[[Any], bool]) -> Row:
         count = sum(map(right, over))
-        share = count / len(over) if over else float("nan")
+        share = count / max(len(over), 1)
         return {"figure": name, "goal": goal, "ours": share, "count": count, "of": len(over),
-                "ok": bool(over) and share >= goal}  # fmt: skip
+                "ok": share >= goal}  # fmt: skip
 
-    return [
+    every = [
         figure("first effect right, where it can be seen", 0.95, clear, lambda r: first(r) in there(r)),
         figure("exactly the true effects, where they can be seen", 0.85, clear, exact),
         figure("nothing found where nothing is missing", 0.99, clean, lambda r: not superfluous(r)),
@@ -140,6 +140,7 @@ def figures(rows: Sequence[Row]) -> list[Row]:
         figure("no held-out error worse where effects were found", 1.0, effects, harmless),
         figure("recordings that are not refused", 1.0, rows, lambda r: "found" in r),
     ]
+    return [each for each in every if each["of"]]
 
 
 def first(row: Row) -> str | None:

@@ -75,7 +75,7 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
         "stribeck": {"excess": (0.05, 0.5), "velocity_constant": (0.05, 0.3)},
         "load_damping": {"coefficient": (0.02, 0.15)},
         "gravity": {"torque": (0.2, 1.5), "hanging_angle": (-0.5, 0.5)},
-        "end_stop": {"stiffness": (1, 20), "position": (0.1, 0.3)},
+        "end_stop": {"stiffness": (1, 20), "position": (0.05, 0.2)},
         "eccentric_sprocket": {"eccentricity": (0.01, 0.1), "phase": (-3.1, 3.1)},
         "muscle_mismatch": {"ratio": (-0.08, 0.08)},
         "command_delay": {"delay": (4e-3, 3e-2)},
@@ -128,7 +128,7 @@ NEEDED: dict[str, dict[str, dict[str, Limits]]] = {
 }
 """Dry friction that a card declares: of the threads always, of the load where the truth changes its law."""
 RESTS_ON_FRICTION = ("presliding", "stribeck")
-BRISTLES = {"driven": (5e-6, 3e-5), "isotonic": (5e-6, 3e-5), "joint": (3e-4, 2e-3)}
+BRISTLES = {"driven": (1e-5, 4e-5), "isotonic": (1e-5, 4e-5), "joint": (1e-4, 6e-4)}
 """Distance over which dry friction builds up on a rough bench (m, rad), evenly in the logarithm."""
 ROUGH_SHARE = 1 / 3
 

@@ -94,7 +94,7 @@ def test_a_third_of_all_benches_with_dry_friction_are_rough_the_clean_ones_too(s
     monkeypatch.setitem(blind_recordings.SECONDS, "joint", 0.03)
     bristles = [drawn(seed, "joint", 0, False).bristles for seed in range(60)]
     assert 12 <= sum(each > 0 for each in bristles) <= 28
-    assert all(3e-4 <= each <= 2e-3 for each in bristles if each)
+    assert all(1e-4 <= each <= 6e-4 for each in bristles if each)
     assert not any(drawn(seed, "driven", 0, False).bristles for seed in range(20))
 
 
@@ -130,6 +130,7 @@ def test_figures():
     assert list(counts.values()) == [(3, 3), (2, 3), (1, 2), (5, 6), (2, 3), (3, 4), (6, 7)]
     assert "gravity  gravity 2" in blind.confusion(rows)
     assert "0.3 to 1         0      1" in blind.detection(rows)
+    assert [f["of"] for f in blind.figures(rows[:2])] == [2, 2, 1, 2]
     undetermined = row(["gravity"], ["gravity"], std=2.0)
     assert list(blind.coverage(undetermined)) == []
 
