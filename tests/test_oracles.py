@@ -329,7 +329,7 @@ def test_the_substeps_of_the_blind_benchmark_are_fine_enough(rig, column, noise)
     [("isotonic", 12.0, 1e-5, 1, 3e-5), ("joint", 0.2, 1e-4, 2, 4e-4)],
 )
 def test_short_bristles_converge_with_the_square_of_the_substep(rig, force, distance, column, noise):
-    """On the roughest bench of the blind benchmark: a fifth of the noise is the most that they are wrong by."""
+    """On the stiffest bristles of the blind benchmark: they are wrong by a fifth of the noise at most."""
     simulated, command = {"isotonic": (lifted, strokes()), "joint": (turned, turns())}[rig]
     effects = THREADS | {"load_friction": {"force": force}, "presliding": {"distance": distance}}
     fine = simulated(effects, command, 48)[column]
