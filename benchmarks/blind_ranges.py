@@ -54,7 +54,7 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
         "load_friction": {"force": (4, 30)},
         "stribeck": {"excess": (4, 30), "velocity_constant": (5e-3, 3e-2)},
         "load_damping": {"coefficient": (15, 200)},
-        "end_stop": {"stiffness": (2e3, 5e4), "position": (0.03, 0.06)},
+        "end_stop": {"stiffness": (1e3, 1e4), "position": (0.03, 0.06)},
         "chamber_leak": {"area": (2e-8, 2e-7)},
         "command_delay": {"delay": (4e-3, 3e-2)},
         "dead_band": {"width": (0.1, 0.5)},
@@ -97,7 +97,7 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
         "valve_hysteresis": {"weight": (0.1, 0.8), "width": (0.05, 0.25)},
         "chamber_leak": {"area": (2e-8, 2e-7)},
         "force_sensor_lag": {"time_constant": (3e-3, 3e-2)},
-        "force_sensor_nonlinearity": {"cubic": (1e-6, 1e-5)},
+        "force_sensor_nonlinearity": {"cubic": (4e-6, 4e-5)},
     }
     | _sensors((0.01, 0.05), force=((1, 10), (0.05, 0.5)), current=((2e-3, 2e-2), (1e-4, 1e-3))),
 }
