@@ -28,7 +28,7 @@ from oracles.sensors import readings  # pyright: ignore[reportMissingImports]
 AMBIENT = 101325.0
 Series = NDArray[np.float64]
 STEPS = {"driven": 0.01, "isotonic": 2e-3, "joint": 2e-3, "jet-pipe": 2e-3}
-SECONDS = {"driven": 60.0, "isotonic": 20.0, "joint": 20.0, "jet-pipe": 10.0}
+SECONDS = {"driven": 60.0, "isotonic": 20.0, "joint": 20.0, "jet-pipe": 5.0}
 SUBSTEPS = {"isotonic": 6, "joint": 6, "jet-pipe": 16}
 NOISE = {"driven": {"force": 0.8}, "isotonic": {"pressure": 400.0, "position": 3e-5},
          "joint": {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 4e-4},
