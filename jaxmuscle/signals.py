@@ -66,6 +66,7 @@ class Signals(eqx.Module):
 
     command: Any = None  # unit of the rig's command
     past: Past | None = None
+    time: Any = None  # s since the first row of the recording; only where an effect reads it
     ambient_pressure: Any = None  # Pa
     gas_temperature: Any = None  # K
     current: Any = None  # A, in the coil of the valve

@@ -80,12 +80,14 @@ class Held(eqx.Module):
     """What stays as it is during one solver step: the command, its past, the memories of effects.
 
     `widening`: how many times as wide as it is dry friction is smoothed (:func:`slip_of_mass`; `None`: once).
+    `time`: since the first row of the recording [s]; `None` where no effect reads it.
     """
 
     command: Any
     past: Past | None
     memory: States
     widening: Array | None = None
+    time: Array | None = None
 
 
 class AbstractActuator(eqx.Module):

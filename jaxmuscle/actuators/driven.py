@@ -14,7 +14,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.cylinder import tension
-from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_velocity, state_rates
+from jaxmuscle.effects.base import AbstractEffect, bristle, friction_limit, slip_of_velocity, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
 
@@ -44,7 +44,9 @@ class Driven(AbstractActuator):
             check="muscle force",
         ),
     )  # fmt: skip
-    available: ClassVar = frozenset("pressure muscle contraction contraction_velocity force".split())
+    available: ClassVar = frozenset(
+        "time pressure muscle contraction contraction_velocity slip force".split()
+    )
     largest_step: ClassVar = math.inf
 
     muscle: McKibben
@@ -57,6 +59,7 @@ class Driven(AbstractActuator):
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         signals = Signals(
+            time=held.time,
             ambient_pressure=self.ambient_pressure,
             pressure=state["pressure"],
             muscle=self.muscle,
@@ -65,7 +68,8 @@ class Driven(AbstractActuator):
         )
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
-        slip = slip_of_velocity(state["velocity"], widening=held.widening)
+        built_up = bristle(self.effects, states, signals)
+        slip = slip_of_velocity(state["velocity"], widening=held.widening, bristle=built_up)
         friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip
         signals = signals.having(force=tension(signals.muscle_force - friction))
         return self._with(signals, FORCE_READING, signals.force, states)

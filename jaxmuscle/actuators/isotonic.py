@@ -15,7 +15,7 @@ from jaxmuscle.actuators.variables import Command, Reading, StateVariable
 from jaxmuscle.components import FlowValve, McKibben
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
-from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, slip_of_mass, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MASS_FLOW, MUSCLE_FORCE, Signals
 
@@ -60,7 +60,8 @@ class Isotonic(AbstractActuator):
         Reading("position", given=("pressure",), signal="load"),
     )
     available: ClassVar = frozenset(
-        "command past mass_flow pressure muscle contraction contraction_velocity position velocity".split()
+        "command past time mass_flow pressure muscle contraction contraction_velocity position velocity "
+        "slip".split()
     )
     largest_step: ClassVar = 0.002
 
@@ -84,6 +85,7 @@ class Isotonic(AbstractActuator):
         states = {**state.get("effects", {}), **held.memory}
         signals = Signals(
             past=held.past,
+            time=held.time,
             ambient_pressure=self.ambient_pressure,
             gas_temperature=self.gas_temperature,
             pressure=state["pressure"],
@@ -103,7 +105,10 @@ class Isotonic(AbstractActuator):
         loose = self._load(signals, signals.muscle_force, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose)
         in_guide = friction_limit(self.effects, LOAD, loose)
-        slip = slip_of_mass(loose.load, self.mass * signals.velocity, in_threads + in_guide, held.widening)
+        slip = slip_of_mass(
+            loose.load, self.mass * signals.velocity, in_threads + in_guide, held.widening,
+            bristle(self.effects, states, loose), self.mass,
+        )  # fmt: skip
         rubbed = self._load(signals, signals.muscle_force - in_threads * slip, states)
         return rubbed.having(load=rubbed.load - in_guide * slip)
 

@@ -14,7 +14,7 @@ from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.variables import Command, Reading, StateVariable, Variable
 from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, Piston, Receiver
 from jaxmuscle.components.gas import heat_of
-from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, slip_of_mass, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, FORCE_READING, LOAD, MASS_FLOW, TIP_FORCE, TIP_POSITION, Signals
 
@@ -217,7 +217,8 @@ class JetPipePiston(AbstractJetPipe):
         StateVariable("velocity", "m/s"),
     )
     available: ClassVar = frozenset(
-        "command past current pipe tip_force tip_position mass_flow chambers position velocity force".split()
+        "command past current pipe tip_force tip_position mass_flow pressure chambers position velocity slip "
+        "force".split()
     )
     largest_step: ClassVar = 2.5e-4
 
@@ -266,7 +267,9 @@ class JetPipePiston(AbstractJetPipe):
         net = self.cylinder.force(signals.pressure) - rod + self.piston.end_force(x, v)
         signals = self._with(signals, LOAD, net - self.piston.viscous_force(v), states)
         limit = self.piston.dry_limit(v) + friction_limit(self.effects, LOAD, signals)
-        slip = slip_of_mass(signals.load, self.piston.mass * v, limit, held.widening)
+        built_up = bristle(self.effects, states, signals)
+        mass = self.piston.mass
+        slip = slip_of_mass(signals.load, mass * v, limit, held.widening, built_up, mass)
         signals = signals.having(load=signals.load - limit * slip, force=rod)
         return self._with(signals, FORCE_READING, rod, states)
 

@@ -21,9 +21,13 @@ from jaxmuscle.effects.base import (
     AbstractEffect,
     States,
     altered_muscle,
+    bristle,
     friction_limit,
+    lever,
     slip_of_mass,
     state_rates,
+    unwound,
+    winding,
 )
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
@@ -75,11 +79,12 @@ class AbstractPulledJoints(AbstractActuator):
         muscle = altered_muscle(self.effects, self.muscle)
         signals = Signals(
             past=held.past,
+            time=held.time,
             ambient_pressure=self.ambient_pressure,
             pressure=state["pressure"],
             muscle=muscle,
-            contraction=middle + jnp.dot(self.sprocket_radius * angle, pulls),
-            contraction_velocity=jnp.dot(self.sprocket_radius * velocity, pulls),
+            contraction=middle + jnp.dot(self.sprocket_radius * winding(self.effects, angle), pulls),
+            contraction_velocity=jnp.dot(self._radius(angle) * velocity, pulls),
             position=angle,
             velocity=velocity,
         )
@@ -88,11 +93,15 @@ class AbstractPulledJoints(AbstractActuator):
         force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
         return self._with(signals, MUSCLE_FORCE, force, states)
 
+    def _radius(self, angle: Array) -> Array:
+        """Lever arm of the muscles at a joint's angle [m]."""
+        return self.sprocket_radius * lever(self.effects, angle)
+
     @property
     def _ends(self) -> tuple[Array, Array]:
         """Angles at which a joint ends [rad]."""
         largest = joint_range(self.muscle, self.sprocket_radius, self.initial_contraction)
-        return -largest, largest
+        return unwound(self.effects, -largest), unwound(self.effects, largest)
 
     def constrained(self, state: State) -> State:
         angle, velocity = stopped(state["angle"], state["angular_velocity"], *self._ends)
@@ -115,15 +124,18 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
         loose = self._load(signals, signals.muscle_force, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(2)
         in_bearing = friction_limit(self.effects, LOAD, loose)
-        limit = self.sprocket_radius * in_threads.sum() + in_bearing
-        slip = slip_of_mass(loose.load, self.inertia * signals.velocity, limit, held.widening)
+        limit = self._radius(signals.position) * in_threads.sum() + in_bearing
+        slip = slip_of_mass(
+            loose.load, self.inertia * signals.velocity, limit, held.widening,
+            bristle(self.effects, states, loose), self.inertia,
+        )  # fmt: skip
         rubbed = self._load(signals, signals.muscle_force - in_threads * SIDES * slip, states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torque on the joint."""
         pulling = signals.having(muscle_force=tension(muscle_force))
-        torque = self.sprocket_radius * (SIDES * pulling.muscle_force).sum()
+        torque = self._radius(signals.position) * (SIDES * pulling.muscle_force).sum()
         return self._with(pulling, LOAD, torque, states)
 
     def _motion_rates(self, state: State, signals: Signals) -> State:
@@ -208,8 +220,8 @@ class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
     quantities: ClassVar = {**AbstractMuscleJoints.quantities, "inertia": "inertia"}
     variables: ClassVar = muscle_joints(("command_1", "command_2"), ("pressure_1", "pressure_2"), ("angle",))
     available: ClassVar = frozenset(
-        "command past pressure muscle muscle_pair contraction contraction_velocity "
-        "position velocity angle".split()
+        "command past time pressure muscle muscle_pair contraction contraction_velocity "
+        "position velocity angle slip sprocket".split()
     )
 
     channel: ClassVar = ControlChannel("angle")

@@ -107,7 +107,7 @@ def situation(
 def steady(actuator: AbstractActuator, command: Array, memory: States) -> Held:
     """What stays as it is under a command that has always been the same."""
     past = Past(jnp.stack([command]), jnp.asarray(0), jnp.asarray(1.0), command)
-    return Held(command, past, memory)
+    return Held(command, past, memory, time=jnp.asarray(0.0))
 
 
 def _measured(actuator: AbstractActuator, start: Mapping[str, ArrayLike]) -> dict[str, Array]:

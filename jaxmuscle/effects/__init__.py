@@ -1,16 +1,22 @@
-"""The catalogue of effects. A new effect is a class in one of these files and a line in `CATALOGUE`."""
+"""The catalogue of effects. A new effect is a class in one of these files and a line in `CATALOGUE` or
+`FURTHER`.
+"""
 
 from jaxmuscle.effects.base import (
-    BY_NAME,
     AbstractEffect,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
-    is_registered,
-    register,
 )
-from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
-from jaxmuscle.effects.load import ForceSensorLag, Gravity, LoadDamping
+from jaxmuscle.effects.force_loss import BoucWen, ForceDrift
+from jaxmuscle.effects.friction import (
+    LoadFriction,
+    Presliding,
+    PressureDependentFriction,
+    Stribeck,
+    ThreadFriction,
+)
+from jaxmuscle.effects.load import EndStop, ForceSensorLag, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
     BladderStiffness,
@@ -18,7 +24,10 @@ from jaxmuscle.effects.muscle import (
     LengthHysteresis,
     MuscleMismatch,
     PressureDependentEnds,
+    WallThickness,
 )
+from jaxmuscle.effects.registry import BY_NAME, is_registered, register
+from jaxmuscle.effects.transmission import EccentricSprocket, ElasticTendon
 from jaxmuscle.effects.valve import (
     ChamberLeak,
     CommandDelay,
@@ -45,26 +54,45 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
     ForceSensorLag,
 )
 
+FURTHER: tuple[type[AbstractEffect], ...] = (
+    Presliding,
+    Stribeck,
+    PressureDependentFriction,
+    WallThickness,
+    ForceDrift,
+    EndStop,
+    EccentricSprocket,
+    ElasticTendon,
+    BoucWen,
+)
+"""Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`."""
+
 ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
 """Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
 
-for _effect in (*CATALOGUE, *ALTERNATIVE_FORMS):
+for _effect in (*CATALOGUE, *FURTHER, *ALTERNATIVE_FORMS):
     register(_effect)
 
 __all__ = [
     "ALTERNATIVE_FORMS",
     "BY_NAME",
     "CATALOGUE",
+    "FURTHER",
     "AbstractEffect",
     "AbstractMemoryEffect",
     "AbstractRateEffect",
     "AbstractStaticEffect",
     "BladderHoopStiffness",
     "BladderStiffness",
+    "BoucWen",
     "ChamberLeak",
     "CommandDelay",
     "Creep",
     "CurrentSaturation",
+    "EccentricSprocket",
+    "ElasticTendon",
+    "EndStop",
+    "ForceDrift",
     "ForceSensorLag",
     "FrameValveHysteresis",
     "Gravity",
@@ -72,9 +100,13 @@ __all__ = [
     "LoadDamping",
     "LoadFriction",
     "MuscleMismatch",
+    "Presliding",
     "PressureDependentEnds",
+    "PressureDependentFriction",
+    "Stribeck",
     "ThreadFriction",
     "ValveHysteresis",
+    "WallThickness",
     "is_registered",
     "register",
 ]

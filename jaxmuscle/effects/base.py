@@ -1,5 +1,4 @@
 """Interface of an effect: an addition to one signal of the chain, vanishing exactly at zero strength.
-Effects are known by name; a user's own joins them with :func:`register`.
 
 Three kinds: static (no state), with a state that has a rate, and with a memory that is updated exactly at
 the end of each solver step. An effect declares the slot it adds to, the signals it reads, and the
@@ -9,17 +8,13 @@ parameter that is its strength; rigs and the diagnosis know nothing else about i
 from __future__ import annotations
 
 import abc
-import dataclasses
-import inspect
-import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Signals, Slot
 
 
@@ -71,6 +66,18 @@ class AbstractFrictionEffect(AbstractEffect):
         """The largest friction force, in the unit of the slot, not negative."""
 
 
+class AbstractTransmissionEffect(AbstractEffect):
+    """An effect that changes the sprockets by which muscles turn a joint, as additions that vanish."""
+
+    @abc.abstractmethod
+    def winding(self, angle: Array) -> Array:
+        """Addition to the angle by which chain is wound up on the mean radius [rad], zero at angle 0."""
+
+    @abc.abstractmethod
+    def lever(self, angle: Array) -> Array:
+        """Addition to the ratio of the lever arm to the mean radius, the slope of :meth:`winding`."""
+
+
 class AbstractRateEffect(AbstractEffect):
     """An effect with a state that is integrated with the machine's own."""
 
@@ -103,9 +110,29 @@ class AbstractMemoryEffect(AbstractEffect):
         """The addition to the slot, in its unit."""
 
 
+class AbstractSlipEffect(AbstractMemoryEffect):
+    """An effect that changes how dry friction builds up on the way; a machine asks for its :class:`Bristle`.
+
+    The value is the share of the friction's limit that has built up, from -1 to 1.
+    """
+
+    @abc.abstractmethod
+    def deflection(self) -> Array:
+        """Way over which the friction builds up, in the unit of the motion; zero without the effect."""
+
+
+class Bristle(NamedTuple):
+    """Share of the limit to which dry friction has built up, -1 to 1, and the way that it takes."""
+
+    share: Array
+    distance: Array
+
+
 STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
 
+ELSEWHERE = (AbstractFrictionEffect, AbstractMuscleEffect, AbstractTransmissionEffect, AbstractSlipEffect)
+"""Kinds of effects that act in other ways than by an addition to their slot."""
 Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]
 
@@ -113,12 +140,12 @@ States = Mapping[str, Any]
 def addition(effects: Effects, slot: Slot, states: States, signals: Signals) -> Array | float:
     """Sum of what the effects of `slot` add under `signals`, in the order in which they were declared.
 
-    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`;
-    what alters the muscles acts before: :func:`altered_muscle`.
+    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`,
+    :func:`bristle`; what alters muscles or sprockets acts before: :func:`altered_muscle`, :func:`winding`.
     """
     total: Array | float = 0.0
     for name, effect in effects.items():
-        if effect.slot == slot and not isinstance(effect, AbstractFrictionEffect | AbstractMuscleEffect):
+        if effect.slot == slot and not isinstance(effect, ELSEWHERE):
             total = total + effect_value(effect, states.get(name), signals)
     return total
 
@@ -147,8 +174,46 @@ def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | fl
     return sum(limits, start=0.0)
 
 
+def winding(effects: Effects, angle: Array) -> Array:
+    """Angle by which chain is wound up on the sprocket's mean radius [rad], after all effects on it."""
+    own = [e.winding(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
+    return sum(own, start=angle)
+
+
+def lever(effects: Effects, angle: Array) -> Array | float:
+    """Ratio of the sprocket's lever arm to its mean radius, after all effects on it."""
+    own = [e.lever(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
+    return sum(own, start=1.0)
+
+
+UNWINDINGS = 4
+"""Newton's steps to the angle of a winding: they leave less than 1e-9 rad where levers vary by a fifth."""
+
+
+def unwound(effects: Effects, wound: Array) -> Array:
+    """The angle by which a given length of chain is wound up, the inverse of :func:`winding` [rad]."""
+    angle = wound
+    if any(isinstance(e, AbstractTransmissionEffect) for e in effects.values()):
+        for _ in range(UNWINDINGS):
+            angle = angle - (winding(effects, angle) - wound) / lever(effects, angle)
+    return angle
+
+
+def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | None:
+    """How far dry friction has built up; `None` where it acts at once, without an effect on it."""
+    for name, effect in effects.items():
+        if isinstance(effect, AbstractSlipEffect):
+            return Bristle(effect.value(states.get(name), signals), effect.deflection())
+    return None
+
+
 def slip_of_mass(
-    driving: Array, momentum: Array, limit: Array | float, widening: Array | float | None = None
+    driving: Array,
+    momentum: Array,
+    limit: Array | float,
+    widening: Array | float | None = None,
+    bristle: Bristle | None = None,
+    mass: Array | float = 1.0,
 ) -> Array:
     r"""Slip of a mass under dry friction: :math:`\mathrm{clip}((F + m v/τ)/L, -1, 1)`.
 
@@ -157,13 +222,23 @@ def slip_of_mass(
     slides at the limit otherwise. Not stiffer than 1/τ however large the friction. At L = 0 it is the sign
     of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
 
+    With a bristle of distance δ that has built up the share z of the limit the slip is
+    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(8τ^2)`: one implicit step of
+    length τ for a mass on a spring L/δ with damping 8τ L/δ. It is z where z is slow, is as little stiff as
+    the law above, and at δ = 0 is that law.
+
     Args:
         driving: force F.
         momentum: m v.
         limit: L, not negative.
         widening: factor of τ, for the first stages of a fit: `held.widening` of a rig (`None`: 1).
+        bristle: how far friction has built up; `None` where it acts at once.
+        mass: m, only needed with a bristle.
     """
     wanted = force_to_rest(driving, momentum, widening)
+    if bristle is not None:
+        softness = mass * softening(bristle.distance, widening)
+        wanted, limit = wanted + softness * bristle.share, limit + softness
     some = jnp.asarray(limit) > 0
     ratio = wanted / jnp.where(some, limit, 1.0)
     return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
@@ -174,12 +249,23 @@ def force_to_rest(driving: Array, momentum: Array, widening: Array | float | Non
     return driving + momentum / _widened(STICKING_TIME, widening)
 
 
-def slip_of_velocity(velocity: Array, width: float = 1e-4, widening: Array | float | None = None) -> Array:
+def softening(distance: Array, widening: Array | float | None = None) -> Array:
+    """S/m = δ/(8τ²) of :func:`slip_of_mass`: acceleration that a bristle makes up for, at a distance δ."""
+    return distance / (8 * _widened(STICKING_TIME, widening) ** 2)
+
+
+def slip_of_velocity(
+    velocity: Array,
+    width: float = 1e-4,
+    widening: Array | float | None = None,
+    bristle: Bristle | None = None,
+) -> Array:
     """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s].
 
-    `widening`: factor of the width, as in :func:`slip_of_mass`.
+    `widening`: factor of the width, as in :func:`slip_of_mass`. With a bristle, its share.
     """
-    return jnp.tanh(velocity / _widened(width, widening))
+    slip = jnp.tanh(velocity / _widened(width, widening))
+    return slip if bristle is None else jnp.where(bristle.distance > 0, bristle.share, slip)
 
 
 def _widened(width: float, widening: Array | float | None) -> Array | float:
@@ -205,56 +291,3 @@ def updated_memories(effects: Effects, memories: States, signals: Signals, step:
         for n, e in effects.items()
         if isinstance(e, AbstractMemoryEffect)
     }
-
-
-Effect = TypeVar("Effect", bound=type[AbstractEffect])
-
-BY_NAME: dict[str, type[AbstractEffect]] = {}
-"""Name, as cards and saved fits use it → class."""
-DECLARED = ("name", "slot", "reads", "strength", "starts", "source")
-"""Class variables that an effect has to have; see :class:`AbstractEffect`."""
-BARE = re.compile(r"[A-Za-z0-9_]+")
-"""Names that can head a section of a card."""
-
-
-def register(effect: Effect) -> Effect:
-    """Make an effect known by its name, so that cards can declare it and fits with it can be saved.
-
-    A class decorator. A diagnosis, a fit in memory and a report do not need it, and a diagnosis does not
-    seek it by itself: name it in ``catalogue=``. Registering the same class again (a cell of a notebook that
-    is run twice) replaces it.
-
-    Raises:
-        InputError: a class variable is missing, something is still abstract, the strength is no parameter,
-            or the name is taken or no name (letters, digits, underscores).
-    """
-    if missing := [name for name in DECLARED if not hasattr(effect, name)]:
-        raise InputError(
-            f"{effect.__name__}: expected class variables {', '.join(missing)}; they are missing"
-        )
-    if inspect.isabstract(effect):
-        abstract = ", ".join(sorted(effect.__abstractmethods__))
-        raise InputError(f"{effect.__name__}: still abstract; define {abstract}")
-    if not BARE.fullmatch(effect.name):
-        raise InputError(
-            f"{effect.__name__}: expected a name of letters, digits and underscores; got {effect.name!r}"
-        )
-    own = [field.name for field in dataclasses.fields(effect) if "unit" in field.metadata]
-    if effect.strength not in own:
-        raise InputError(
-            f"{effect.__name__}: expected one of its parameters ({', '.join(own) or 'none'}) as strength; "
-            f"got {effect.strength!r}"
-        )
-    taken = BY_NAME.get(effect.name)
-    same = (effect.__module__, effect.__qualname__)
-    if taken is not None and (taken.__module__, taken.__qualname__) != same:
-        raise InputError(
-            f"{effect.__name__}: the name {effect.name!r} is that of {taken.__name__}; choose another"
-        )
-    BY_NAME[effect.name] = effect
-    return effect
-
-
-def is_registered(name: str, effect: AbstractEffect) -> bool:
-    """Whether a card that names `name` means an effect of this very class."""
-    return BY_NAME.get(name) is type(effect)

@@ -1,4 +1,4 @@
-"""Dry friction: in the muscle's braid and in the guide or bearing of the load."""
+"""Dry friction: in the muscle's braid, in the guide or bearing of the load and in seals; how it builds up."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractFrictionEffect
+from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect
+from jaxmuscle.hysteresis.operators import dahl
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
 
@@ -59,3 +60,105 @@ class LoadFriction(AbstractFrictionEffect):
 
     def limit(self, signals: Signals) -> Array:
         return self.force + 0.0 * signals.velocity
+
+
+class Stribeck(AbstractFrictionEffect):
+    r"""Dry friction of the load that is larger at standstill than in motion: what it is larger by.
+
+    .. math:: F_{max} = F_e\,e^{-|v|/v_s}
+
+    The Stribeck part of Canudas de Wit et al. (IEEE Trans. Automatic Control 40, 1995) with exponent 1,
+    beside the constant one of `load_friction`: with F_c there, breakaway takes F_c + F_e. v: velocity of
+    the load [m/s or rad/s].
+    """
+
+    name: ClassVar = "stribeck"
+    slot: ClassVar = LOAD
+    reads: ClassVar = frozenset({"velocity"})
+    strength: ClassVar = "excess"
+    starts: ClassVar = tuple({"velocity_constant": v} for v in (0.01, 0.1, 0.5))
+    source: ClassVar = "Stribeck; Canudas de Wit et al. 1995, equation 6"
+
+    excess: Scalar = parameter(
+        "{load}", "breakaway friction above that in motion", default=0.0, nonnegative=True
+    )
+    velocity_constant: Scalar = parameter(
+        "{motion}/s", "velocity over which the excess falls to 1/e", default=0.05, positive=True
+    )
+
+    def limit(self, signals: Signals) -> Array:
+        return self.excess * jnp.exp(-jnp.abs(signals.velocity) / self.velocity_constant)
+
+
+class PressureDependentFriction(AbstractFrictionEffect):
+    r"""Dry friction of the load in proportion to the gauge pressure: seals, and bearings that muscles load.
+
+    .. math:: F_{max} = μ_p \sum_i \max(P_i, 0)
+
+    P_i: gauge pressures of the muscles that move the load, or of both chambers of its piston [Pa].
+    Friction of pneumatic cylinders grows with the pressures of the chambers: Andrighetto, Valdiero and
+    Carlotto, ABCM Symposium Series in Mechatronics 2, 2006.
+    """
+
+    name: ClassVar = "pressure_dependent_friction"
+    slot: ClassVar = LOAD
+    reads: ClassVar = frozenset({"velocity", "pressure"})
+    strength: ClassVar = "coefficient"
+    starts: ClassVar = ({},)
+    source: ClassVar = "seal friction, Andrighetto et al. 2006"
+
+    coefficient: Scalar = parameter(
+        "{load}/Pa", "friction per gauge pressure", default=0.0, nonnegative=True, typical=1e-5
+    )
+
+    def limit(self, signals: Signals) -> Array:
+        gauge = jnp.maximum(signals.gauge_pressure, 0.0)
+        # The muscles of one joint, or the chambers of one piston, lie side by side.
+        return self.coefficient * gauge.reshape((*jnp.shape(signals.velocity), -1)).sum(-1)
+
+
+class Presliding(AbstractSlipEffect):
+    r"""Dry friction builds up over a small elastic deflection before anything slides.
+
+    .. math:: f = L z,\quad \frac{dz}{dx} = \frac{1 - z\,\mathrm{sgn}\,\dot x}{δ}
+
+    Dahl (1968), exponent 1, which the LuGre model of Canudas de Wit et al. (IEEE Trans. Automatic Control
+    40, 1995) becomes at low velocities: bristles of stiffness L/δ with L the limit of all dry friction of
+    the machine together (`load_friction`, `thread_friction`, …), without which nothing changes. z is
+    exact over straight moves x [m or rad]. On a mass bristles are damped by 8τ L/δ,
+    :func:`jaxmuscle.effects.base.slip_of_mass`; valid from δ = 0, the law without bristles, upwards.
+    """
+
+    name: ClassVar = "presliding"
+    slot: ClassVar = LOAD
+    reads: ClassVar = frozenset({"slip"})
+    strength: ClassVar = "distance"
+    starts: ClassVar = tuple({"distance": distance} for distance in (1e-4, 5e-4, 2e-3, 1e-2))
+    source: ClassVar = "Dahl 1968; Canudas de Wit et al. 1995"
+
+    distance: Scalar = parameter(
+        "{motion}", "way over which friction builds up to 1 - 1/e", default=0.0, nonnegative=True
+    )
+
+    def initial(self, signals: Signals) -> tuple[Array, Array]:
+        return jnp.zeros_like(_moved(signals)), _moved(signals)
+
+    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
+        return self.value(memory, signals), _moved(signals)
+
+    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
+        share, before = memory
+        distance = jnp.where(self.distance > LEAST_DISTANCE, self.distance, LEAST_DISTANCE)
+        return dahl(share, _moved(signals) - before, distance)
+
+    def deflection(self) -> Array:
+        return self.distance
+
+
+LEAST_DISTANCE = 1e-12
+"""Way within which friction turns round when it has no bristles [m or rad]."""
+
+
+def _moved(signals: Signals) -> Array:
+    """Position of what rubs: of the load, or where there is none the muscle's contraction."""
+    return signals.contraction if signals.position is None else signals.position

@@ -1,4 +1,4 @@
-"""Effects of the load and of its sensor: viscous damping, gravity, lag of the force reading."""
+"""Effects of the load and of its sensor: viscous damping, gravity, an end stop, lag of the force reading."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from jaxmuscle.components.cylinder import pressing
 from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, LOAD, Signals
@@ -49,6 +50,39 @@ class Gravity(AbstractStaticEffect):
 
     def value(self, signals: Signals) -> Array:
         return -self.torque * jnp.sin(signals.position - self.hanging_angle)
+
+
+STOP_WIDTH = 1e-4
+"""Depth over which an end stop sets in [m or rad]."""
+
+
+class EndStop(AbstractStaticEffect):
+    r"""An elastic stop of the load at a position x_e, on the side of it that is away from zero.
+
+    .. math:: ΔF = -s\,K\,(δ)_+\,(1 + c\,s\,v)_+,\quad δ = s\,(x - x_e),\quad s = \mathrm{sgn}\,x_e
+
+    Hunt and Crossley (J. Appl. Mech. 42, 1975), as :func:`jaxmuscle.components.cylinder.pressing`: the
+    stop never pulls. x in m or rad, v its rate. Steps of 2 ms follow contacts up to about
+    K = (500/s)² times the mass or inertia.
+    """
+
+    name: ClassVar = "end_stop"
+    slot: ClassVar = LOAD
+    reads: ClassVar = frozenset({"position", "velocity"})
+    strength: ClassVar = "stiffness"
+    starts: ClassVar = tuple({"position": x} for x in (0.02, 0.04, 0.07, 0.3, -0.3, 0.7, -0.7))
+    source: ClassVar = "Hunt and Crossley 1975"
+
+    stiffness: Scalar = parameter("{load}/{motion}", "stiffness of the stop", default=0.0, nonnegative=True)
+    position: Scalar = parameter("{motion}", "position of the stop", default=0.05, typical=0.05)
+    damping: Scalar = parameter(
+        "s/{motion}", "damping c of the stop", default=0.0, nonnegative=True, typical=1.0
+    )
+
+    def value(self, signals: Signals) -> Array:
+        side = jnp.where(self.position < 0, -1.0, 1.0)
+        depth, speed = side * (signals.position - self.position), side * signals.velocity
+        return -side * pressing(depth, speed, self.stiffness, self.damping, STOP_WIDTH)
 
 
 class ForceSensorLag(AbstractMemoryEffect):

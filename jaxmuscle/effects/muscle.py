@@ -1,5 +1,5 @@
-"""Effects of the muscle: ends, unequal muscles, stiffness of the bladder, hysteresis of the length by play
-operators (Prandtl-Ishlinskii), creep.
+"""Effects of the muscle: ends, unequal muscles, stiffness and thickness of the wall, hysteresis of the length
+by play operators (Prandtl-Ishlinskii), creep.
 """
 
 from __future__ import annotations
@@ -129,6 +129,32 @@ class BladderHoopStiffness(AbstractStaticEffect):
         swelling = muscle.swelling(z)
         slope = z / jnp.tan(muscle.braid_angle) ** 2 / swelling
         return -self.wall_stiffness * slope * (swelling - 1)
+
+
+class WallThickness(AbstractStaticEffect):
+    r"""The wall of bladder and braid has a thickness t: the pressure acts on the inner radius r - t.
+
+    .. math:: ΔF = π P\,\left[2 r_0 t\,\left(2 q - \frac{1}{q \sin^2α_0}\right) - t^2\right],\quad q = r/r_0
+
+    Chou and Hannaford (IEEE Trans. Robotics and Automation 12, 1996), equation 8, the force -P dV/dl of an
+    inner volume π(r - t)² l with constant t, by the radius ratio of [T] equation 3 at the length ratio
+    1 - kε. P: gauge pressure [Pa]. A wall of constant volume would change nothing. Valid for 0 ≤ t < r0.
+    """
+
+    name: ClassVar = "wall_thickness"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "pressure"})
+    strength: ClassVar = "thickness"
+    starts: ClassVar = ({},)
+    source: ClassVar = "Chou and Hannaford 1996"
+
+    thickness: Scalar = parameter("m", "thickness of the wall", default=0.0, nonnegative=True, typical=1e-3)
+
+    def value(self, signals: Signals) -> Array:
+        muscle, t = signals.muscle, self.thickness
+        q = muscle.swelling(1 - muscle.end_factor * muscle.strain(signals.contraction))
+        ring = 2 * muscle.initial_radius * t * (2 * q - 1 / (q * jnp.sin(muscle.braid_angle) ** 2))
+        return jnp.pi * signals.gauge_pressure * (ring - t**2)
 
 
 THRESHOLDS = np.linspace(0.01, 0.08, 8)

@@ -1,4 +1,4 @@
-"""Rate-independent hysteresis: the interface of a model, and the play, stop and Dahl operators.
+"""Rate-independent hysteresis: the interface of a model, and the play, stop, Dahl and Bouc-Wen operators.
 
 Each takes its memory and the next input and returns the new memory. They depend on the way that the input
 has gone, not on how fast: a straight way in one step or in a thousand gives the same value.
@@ -121,3 +121,24 @@ def dahl(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
     before, way = jnp.asarray(memory, dtype=float), jnp.asarray(move, dtype=float)
     sense = jnp.sign(way)
     return jnp.where(way == 0, before, sense + (before - sense) * jnp.exp(-sense * way / distance))
+
+
+def bouc_wen(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
+    r"""Bouc-Wen's hysteretic variable, integrated over a straight move, with exponent 1 and β = γ = 1/2:
+    :math:`dz/dx = [1 - |z|\,(1 + \mathrm{sgn}(z\,dx))/2]/d`.
+
+    Args:
+        memory: z before the move, -1 … 1.
+        move: Δx.
+        distance: d, over which z builds up, in the unit of x.
+
+    Returns:
+        z after it: linear while it falls to zero, from there on as :func:`dahl` (Wen, J. Eng. Mech. Div.
+        102, 1976).
+    """
+    before, way = jnp.asarray(memory, dtype=float), jnp.asarray(move, dtype=float)
+    sense = jnp.where(way < 0, -1.0, 1.0)
+    ahead, length = sense * before, sense * way / distance
+    elastic = jnp.minimum(length, jnp.maximum(-ahead, 0.0))
+    unloaded = ahead + elastic
+    return sense * (unloaded - (1 - unloaded) * jnp.expm1(elastic - length))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxmuscle.components.cylinder import NEAR, Sides, at_stops
-from jaxmuscle.effects.base import force_to_rest
+from jaxmuscle.effects.base import Bristle, force_to_rest, softening
 from jaxmuscle.parameters import Scalar, parameter
 
 Joints = Float[Array, "... 2"]
@@ -124,6 +124,8 @@ class Arm(eqx.Module):
         return kinetic + self.gravity * (inner + moment * jnp.sin(angle.sum(-1)))
 
 
+LEAST_LIMIT = 1e-9
+"""In place of a dry friction of none, where bristles need one [N m]."""
 Pair = Float[Array, "2"]
 Matrix = Float[Array, "2 2"]
 
@@ -135,6 +137,7 @@ def coupled_slip(
     mass_matrix: Matrix,
     widening: Array | float | None = None,
     stops: Sides | None = None,
+    bristle: Bristle | None = None,
 ) -> Pair:
     r"""Slip of each joint, from -1 to 1, under dry friction: :func:`slip_of_mass` for two joints.
 
@@ -152,12 +155,34 @@ def coupled_slip(
         mass_matrix: M [kg m^2].
         widening: factor of τ, as in :func:`slip_of_mass`.
         stops: which joints are at a stop; none when `None`.
+        bristle: how far the friction of each joint has built up; `None` where it acts at once.
     """
     wanted = force_to_rest(driving, mass_matrix @ velocity, widening)
+    if bristle is not None:
+        wanted, mass_matrix = _on_bristles(wanted, limit, mass_matrix, bristle, widening)
     resistance, unlimited = _nearest(wanted, _box(limit, stops), mass_matrix)
     some = limit > 0
     share = jnp.clip(resistance / jnp.where(some, limit, 1.0), -1.0, 1.0)
     return jnp.where(some, share, jnp.sign(unlimited))
+
+
+def _on_bristles(
+    wanted: Pair, limit: Pair, mass_matrix: Matrix, bristle: Bristle, widening: Array | float | None
+) -> tuple[Pair, Matrix]:
+    r"""Force to rest and mass matrix of two joints whose friction builds up on bristles.
+
+    With :math:`H = \mathrm{diag}(L) + S,\ S = M δ/(8τ^2)` as in :func:`slip_of_mass`, and z the share that
+    has built up, :math:`L H^{-1} (b + S z)` takes the place of b and :math:`L H^{-1} M` that of M.
+    """
+    distance = bristle.distance
+    some = jnp.where(limit > 0, limit, LEAST_LIMIT)
+    soft = mass_matrix * softening(distance, widening)
+    whole = jnp.diag(some) + soft
+    force = some * solved(whole, wanted + soft @ bristle.share)
+    columns = [some * solved(whole, mass_matrix[:, i]) for i in range(2)]
+    # Exactly as without bristles at a distance of zero, where products would leave rounding.
+    present = distance > 0
+    return jnp.where(present, force, wanted), jnp.where(present, jnp.stack(columns, -1), mass_matrix)
 
 
 def between_stops(

@@ -17,7 +17,7 @@ from jaxmuscle.actuators.actuator import Held, State
 from jaxmuscle.actuators.joint import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.cylinder import at_stops, pressing, tension
-from jaxmuscle.effects.base import AbstractEffect, States, friction_limit, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, state_rates
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm, between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.kinematics import jacobian, tip
@@ -102,7 +102,8 @@ class Scara(AbstractMuscleJoints):
         ("angle_1", "angle_2"),
     )
     available: ClassVar = frozenset(
-        "command past pressure muscle contraction contraction_velocity position velocity".split()
+        "command past time pressure muscle contraction contraction_velocity position velocity slip "
+        "sprocket".split()
     )
 
     regulator: PressureRegulator
@@ -120,19 +121,20 @@ class Scara(AbstractMuscleJoints):
         loose = self._load(signals, signals.muscle_force, states)
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(4)
         in_bearing = friction_limit(self.effects, LOAD, loose) * jnp.ones(2)
-        limit = self.sprocket_radius * np.abs(PULLS) @ in_threads + in_bearing
+        limit = self._radius(loose.position) * (np.abs(PULLS) @ in_threads) + in_bearing
         # A barrier: else XLA computes what leads to a torque once for each of its many uses.
         driving = optimization_barrier(loose.load - self.arm.bias(loose.position, loose.velocity))
         mass = self.arm.mass_matrix(loose.position)
         stops = at_stops(loose.position, *self._ends)
-        slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops)
+        built_up = bristle(self.effects, states, loose)
+        slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops, built_up)
         rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torques at the joints."""
         pulling = signals.having(muscle_force=tension(muscle_force))
-        torque = self.sprocket_radius * PULLS @ pulling.muscle_force
+        torque = self._radius(signals.position) * (PULLS @ pulling.muscle_force)
         torque = torque + self.contact_torque(signals.position, signals.velocity)
         return self._with(pulling, LOAD, torque, states)
 

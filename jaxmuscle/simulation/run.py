@@ -25,7 +25,7 @@ from jaxmuscle.signals import Past
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
-from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest
+from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest, time_at
 
 Readings = dict[str, Array]
 Derivatives = Literal["any", "forward", "linearised"]
@@ -54,6 +54,7 @@ class Interval(eqx.Module):
         command, past: held command, and those before it.
         now, then: imposed states at its two ends; the others are integrated.
         widening: how many times as wide as it is dry friction is smoothed.
+        time: of its begin since the first row of the track [s]; `None` where no effect reads it.
     """
 
     actuator: AbstractActuator
@@ -63,10 +64,11 @@ class Interval(eqx.Module):
     now: State
     then: State
     widening: Array | None = None
+    time: Array | None = None
 
     def held(self, memory: States) -> Held:
         """What stays as it is during a step."""
-        return Held(self.command, self.past, memory, self.widening)
+        return Held(self.command, self.past, memory, self.widening, self.time)
 
     def whole(self, own: State, fraction: Array | float) -> State:
         """All states, the imposed ones at a fraction of the interval."""
@@ -178,7 +180,8 @@ def run(
                 at.number % restarts.period == 0, restarts.at(at.row, track), own, memory
             )
         past = past_at(actuator, track, at.row)
-        interval = Interval(actuator, track.step, at.command, past, at.now, at.then, track.widening)
+        time = time_at(actuator, track, at.row)
+        interval = Interval(actuator, track.step, at.command, past, at.now, at.then, track.widening, time)
         if loop is not None:
             # Until the controller has spoken, the command is still that of the interval before.
             interval, loop = _under(loop, interval, track, at.row)

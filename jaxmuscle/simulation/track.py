@@ -103,7 +103,13 @@ def with_states(start: Start, values: Mapping[str, Array]) -> Start:
 
 def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
     """What stays as it is from a sample to the next: the command, its past, the memories of effects."""
-    return Held(track.command[row], past_at(actuator, track, row), memory, track.widening)
+    past, time = past_at(actuator, track, row), time_at(actuator, track, row)
+    return Held(track.command[row], past, memory, track.widening, time)
+
+
+def time_at(actuator: AbstractActuator, track: Track, row: Array) -> Array | None:
+    """Seconds from the first row of the track to a sample; `None` where no effect reads the time."""
+    return row * track.step if any("time" in effect.reads for effect in actuator.effects.values()) else None
 
 
 def past_at(actuator: AbstractActuator, track: Track, row: Array) -> Past | None:

@@ -64,7 +64,7 @@ def test_direction_that_the_free_parameters_have_already():
 def test_missing_are_offered_and_not_declared():
     model = bench.model("driven", thread_friction=bench.THREADS)
     names = {effect.name for effect in missing(model, CATALOGUE)}
-    assert names == {effect.name for effect in bench.offered("driven")} - {"thread_friction"}
+    assert names == {effect.name for effect in bench.sought("driven")} - {"thread_friction"}
     assert "bladder_stiffness" in names
     assert not names & {"chamber_leak", "command_delay", "load_friction"}
     assert missing(model, [BY_NAME["chamber_leak"], BY_NAME["creep"]]) == [BY_NAME["creep"]]
@@ -124,7 +124,7 @@ def tools(prepared):
 
 
 def test_states_are_carried_only_where_they_are_wanted(tools):
-    offered = {effect.name for effect in bench.offered("driven")}
+    offered = {effect.name for effect in bench.sought("driven")}
     stateful = {effect.name for effect in CATALOGUE if carries_state(effect)} & offered
     assert stateful == {"creep", "force_sensor_lag", "length_hysteresis"}
     assert set(tools.model.effects) == offered - stateful

@@ -75,7 +75,7 @@ def test_lift_runners_up(lift):
     """Every other effect of the rig, best first, and none of them as good."""
     diagnosis, messages = lift
     names = [alternative.name for alternative in diagnosis.alternatives]
-    offered = {effect.name for effect in bench.offered("isotonic")}
+    offered = {effect.name for effect in bench.sought("isotonic")}
     assert set(names) == offered - {"thread_friction", "load_friction"}
     judged = [alternative.judged for alternative in diagnosis.alternatives]
     assert judged == sorted(judged, reverse=True), "those that were tried on unseen windows come first"

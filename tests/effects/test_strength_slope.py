@@ -9,15 +9,24 @@ from oracles import bench
 from jaxmuscle.effects import (
     BY_NAME,
     CATALOGUE,
+    FURTHER,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
 )
-from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractMuscleEffect
+from jaxmuscle.effects.base import (
+    AbstractFrictionEffect,
+    AbstractMuscleEffect,
+    AbstractSlipEffect,
+    AbstractTransmissionEffect,
+    Bristle,
+    slip_of_mass,
+)
 from jaxmuscle.signals import Past, Signals
 
 NOISE = np.random.default_rng(7).normal(0, 0.1, 32)
 SIZES = {"area": 1e-7, "delay": 1e-3, "stiffness": 100.0, "time_constant": 5e-3, "wall_stiffness": 10.0}
+SIZES |= {"thickness": 1e-3, "compliance": 1e-5, "distance": 1e-3}
 VELOCITIES = (0.13, 0.0, -0.13)
 
 
@@ -31,6 +40,7 @@ def situation(velocity, contraction):
     return Signals(
         command=table[4],
         past=Past(table, jnp.asarray(4), jnp.asarray(2e-3), table[0]),
+        time=jnp.asarray(20.0),
         ambient_pressure=jnp.asarray(bench.AMBIENT),
         gas_temperature=jnp.asarray(293.15),
         pipe=bench.model("jet-pipe").pipe,
@@ -61,6 +71,14 @@ def contribution(name, strength, velocity):
         return effect.altered(now.muscle).initial_radius / radius - 1
     if isinstance(effect, AbstractFrictionEffect):
         return effect.limit(now)
+    if isinstance(effect, AbstractTransmissionEffect):
+        return jnp.stack([effect.winding(now.position), effect.lever(now.position)])
+    if isinstance(effect, AbstractSlipEffect):
+        memory = effect.update(effect.initial(before), now, jnp.asarray(2e-3))
+        bristle = Bristle(effect.value(memory, now), effect.deflection())
+        # Of 0.04 kg m^2, nearly stuck where it does not move.
+        pushed = jnp.asarray(0.7), 0.04 * now.velocity, jnp.asarray(1.0), None
+        return slip_of_mass(*pushed, bristle, 0.04) - slip_of_mass(*pushed)
     if isinstance(effect, AbstractStaticEffect):
         return effect.value(now)
     if isinstance(effect, AbstractRateEffect):
@@ -70,7 +88,7 @@ def contribution(name, strength, velocity):
 
 
 @pytest.mark.parametrize("velocity", VELOCITIES)
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
 def test_slope_at_zero_strength(name, velocity):
     size = SIZES.get(BY_NAME[name].strength, 1.0)
     slope = jax.jacfwd(lambda s: contribution(name, s * size, velocity))(jnp.asarray(0.0))
@@ -85,7 +103,7 @@ def test_slope_at_zero_strength(name, velocity):
     )
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
 def test_reverse_mode_agrees(name):
     size = SIZES.get(BY_NAME[name].strength, 1.0)
 

@@ -9,11 +9,11 @@ from oracles.robot_bench import AMBIENT
 from oracles.robot_bench import machine as robot
 
 from jaxmuscle.actuators import Held
-from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.effects.base import AbstractFrictionEffect
 from jaxmuscle.signals import Past
 
-DRY = [effect for effect in CATALOGUE if issubclass(effect, AbstractFrictionEffect)]
+DRY = [effect for effect in (*CATALOGUE, *FURTHER) if issubclass(effect, AbstractFrictionEffect)]
 PAIRS = [(rig, effect) for rig, blank in bench.BLANKS.items() for effect in DRY if blank.offers(effect)]
 RATES = ("velocity", "angular_velocity")
 PULLED = {

@@ -36,7 +36,14 @@ SIZES = {
     "stiffness": 100.0,
     "time_constant": 0.05,
     "inverse_limit": 20.0,
+    "thickness": 1e-3,
+    "compliance": 1e-5,
+    "amplitude": 5.0,
+    "coefficient": 1e-4,
+    "distance": 1e-3,
 }
+COMPANIONS = {"presliding": {"load_friction": {"force": 1e4}, "thread_friction": bench.THREADS}}
+"""Effects without which one does nothing."""
 SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},
     "elbow": {"plays": (10,)},
@@ -70,7 +77,13 @@ def drawn(rig, seed):
 
 def held(rig, table, memory):
     past = Past(table, jnp.asarray(ROW), jnp.asarray(2e-3), table[0]) if rig != "driven" else None
-    return Held(table[ROW], past, memory)
+    return Held(table[ROW], past, memory, time=jnp.asarray(7.0))
+
+
+def companions(rig, effect):
+    """What an effect needs beside it on a rig."""
+    offered = {effect.name for effect in bench.offered(rig)}
+    return {name: v for name, v in COMPANIONS.get(effect.name, {}).items() if name in offered}
 
 
 def disturbed(value, noise):
@@ -102,7 +115,8 @@ def assert_identical(left, right):
 
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
 def test_changes_nothing_at_zero_strength(rig, effect):
-    bare, carrying = bench.model(rig), bench.model(rig, [effect.name])
+    needed = companions(rig, effect)
+    bare, carrying = bench.model(rig, **needed), bench.model(rig, [effect.name], **needed)
     lanes = [drawn(rig, seed) for seed in range(LANES)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
     without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)
@@ -115,8 +129,10 @@ def test_changes_nothing_at_zero_strength(rig, effect):
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
 def test_changes_something_otherwise(rig, effect):
     path = f"effects.{effect.name}.{effect.strength}"
-    bare = bench.model(rig)
-    strong = bench.model(rig, **{effect.name: {effect.strength: SIZES.get(effect.strength, 0.1)}})
+    needed = companions(rig, effect)
+    bare = bench.model(rig, **needed)
+    strength = {effect.strength: SIZES.get(effect.strength, 0.1)}
+    strong = bench.model(rig, **needed, **{effect.name: strength})
     assert parameters(strong)[path].value == get(strong, path) != 0
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[drawn(rig, seed) for seed in range(LANES)])
     without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)

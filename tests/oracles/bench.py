@@ -16,7 +16,7 @@ from jaxmuscle.components import (
     PressureRegulator,
     Receiver,
 )
-from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import robot
@@ -153,7 +153,12 @@ def model(rig, carried=(), **declared):
 
 
 def offered(rig):
-    """The effects of the catalogue that a rig offers."""
+    """The effects, those included that a diagnosis does not seek, that a rig offers."""
+    return [effect for effect in (*CATALOGUE, *FURTHER) if BLANKS[rig].offers(effect)]
+
+
+def sought(rig):
+    """The effects of the catalogue that a diagnosis seeks, of those that a rig offers."""
     return [effect for effect in CATALOGUE if BLANKS[rig].offers(effect)]
 
 

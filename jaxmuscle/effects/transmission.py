@@ -1,0 +1,82 @@
+"""What lies between muscle and load: an eccentric sprocket, a tendon that stretches."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxmuscle.effects.base import AbstractStaticEffect, AbstractTransmissionEffect
+from jaxmuscle.parameters import Scalar, parameter
+from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
+
+
+class EccentricSprocket(AbstractTransmissionEffect):
+    r"""The sprockets turn about an axis beside their centre.
+
+    .. math:: R(θ) = R\,[1 + e \cos(θ - φ)],\quad
+              x = ε_0 l_0 ± R\,[θ + e (\sin(θ - φ) + \sin φ)]
+
+    Lever arm of a chain on a circle to first order in the eccentricity e R; the contraction is its integral,
+    so that no work is lost. e, φ are those of every joint. Valid for |e| < 1, ends of the joint to 1e-9 rad
+    for |e| ≤ 0.2.
+    """
+
+    name: ClassVar = "eccentric_sprocket"
+    slot: ClassVar = LOAD
+    reads: ClassVar = frozenset({"sprocket"})
+    strength: ClassVar = "eccentricity"
+    starts: ClassVar = ({"phase": 0.0}, {"phase": 0.5 * math.pi})
+    source: ClassVar = "geometry of a circle about an axis beside its centre"
+
+    eccentricity: Scalar = parameter("", "distance of axis and centre over the radius", default=0.0)
+    phase: Scalar = parameter("rad", "angle of the largest lever arm", default=0.0, typical=0.5)
+
+    def winding(self, angle: Array) -> Array:
+        return self.eccentricity * (jnp.sin(angle - self.phase) + jnp.sin(self.phase))
+
+    def lever(self, angle: Array) -> Array:
+        return self.eccentricity * jnp.cos(angle - self.phase)
+
+
+class ElasticTendon(AbstractStaticEffect):
+    r"""An elastic tendon between muscle and load: the muscle is shorter than the load's place says.
+
+    .. math:: ΔF = F_t - F(x),\quad F_t = F(x + c F_t)
+
+    x: contraction by the position of the load [m], F: the muscle's own force [N]. Quasi-static: tendon and
+    muscle end have no mass, and only the force law sees the stretch, not volume, velocity and other
+    effects. Closed form for force laws up to the second power of x, as [T] equations 4 and 7 are; the root
+    of the equation that is F(x) at c = 0. A muscle that does not pull has no stretch.
+    """
+
+    name: ClassVar = "elastic_tendon"
+    slot: ClassVar = MUSCLE_FORCE
+    reads: ClassVar = frozenset({"muscle", "pressure", "contraction"})
+    strength: ClassVar = "compliance"
+    starts: ClassVar = ({},)
+    source: ClassVar = "linear spring in series"
+
+    compliance: Scalar = parameter(
+        "m/N", "stretch of the tendon per force", default=0.0, nonnegative=True, typical=1e-5
+    )
+
+    def value(self, signals: Signals) -> Array:
+        muscle, c = signals.muscle, self.compliance
+
+        def force(contraction: Array) -> Array:
+            return muscle.force(contraction, signals.gauge_pressure, muscle.end_factor)
+
+        def slope(contraction: Array) -> Array:
+            return jax.jvp(force, (contraction,), (jnp.ones_like(contraction),))[1]
+
+        x = signals.contraction
+        own, first = force(x), slope(x)
+        second = 0.5 * jax.jvp(slope, (x,), (jnp.ones_like(x),))[1]
+        linear = 1 - c * first
+        # Of a pulling muscle the root is at least 1; the limit keeps others from a root of less than zero.
+        root = jnp.sqrt(jnp.maximum(linear**2 - 4 * c**2 * second * own, 0.25))
+        return jnp.where(own > 0, 2 * own / (linear + root), own) - own
