@@ -165,8 +165,7 @@ def _print_fit(result: FitResult, files: list[Path]) -> None:
 def effects() -> None:
     """List the effects: name, signal, rigs that offer it, meaning, source.
 
-    A diagnosis tries the first of them; those below the line are tried where a call names them, and simulated
-    where a card declares them.
+    A diagnosis tries those above the empty line. Cards may declare all.
     """
     import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
     from jaxmuscle.actuators import RIGS
@@ -177,7 +176,7 @@ def effects() -> None:
     table.columns[0].no_wrap = table.columns[1].no_wrap = True
     for effect in (*CATALOGUE, *FURTHER):
         if effect is FURTHER[0]:
-            table.add_section()
+            table.add_row()
         rigs = ", ".join(name for name, rig in RIGS.items() if effect.reads <= rig.available)
         table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
     output().print(table)

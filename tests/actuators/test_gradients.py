@@ -25,9 +25,19 @@ GENERIC = {
     "gravity": {"torque": 0.8, "hanging_angle": 0.7},
     "muscle_mismatch": {"ratio": -0.08},
     "force_sensor_lag": {"time_constant": 0.03},
+    "presliding": {"distance": 2e-3},
+    "stribeck": {"excess": 0.2, "velocity_constant": 0.07},
+    "pressure_dependent_friction": {"coefficient": 1e-7},
+    "wall_thickness": {"thickness": 3e-4},
+    "force_drift": {"share": 0.05, "time_constant": 3.0},
+    "end_stop": {"stiffness": 0.5, "position": 0.0303, "damping": 0.3},
+    "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.4},
+    "elastic_tendon": {"compliance": 2e-6},
+    "bouc_wen": {"amplitude": 2.0, "distance": 4.1e-3},
 }
 """Values under which no effect sits on a kink of its own."""
 SCALES = {"area": 1e-7, "delay": 1e-3, "force": 1.0, "threshold_pressure": 1e4, "stiffness": 100.0}
+SCALES |= {"thickness": 1e-3, "compliance": 1e-5, "coefficient": 1e-5, "distance": 1e-3}
 """Size of a parameter that is zero, by its last name; 0.1 for the others."""
 RANGES = {"pressure": 5e5, "position": 0.05, "angle": 1.0, "force": 500.0}
 
@@ -151,7 +161,8 @@ def test_derivative_over_strengths_at_zero(rig):
 def test_scenes_are_what_they_say():
     def moved(rig, scene):
         name = {"isotonic": "position", "joint": "angle"}[rig]
-        actuator = machine(rig)[0]
+        # On bristles what is stuck still gives way a little.
+        actuator = machine(rig)[0].without_effects("presliding")
         return np.asarray(bench.simulated(actuator, SCENES[rig][scene], SUBSTEPS).readings[name])
 
     assert not moved("isotonic", "on the plate").any()
