@@ -23,12 +23,10 @@ from jaxmuscle.effects.base import (
     altered_muscle,
     bristle,
     friction_limit,
-    lever,
     slip_of_mass,
     state_rates,
-    unwound,
-    winding,
 )
+from jaxmuscle.effects.transmission import lever, unwound, winding
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
 

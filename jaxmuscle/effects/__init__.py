@@ -3,10 +3,13 @@
 """
 
 from jaxmuscle.effects.base import (
+    BY_NAME,
     AbstractEffect,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
+    is_registered,
+    register,
 )
 from jaxmuscle.effects.force_loss import BoucWen, ForceDrift
 from jaxmuscle.effects.friction import (
@@ -26,7 +29,6 @@ from jaxmuscle.effects.muscle import (
     PressureDependentEnds,
     WallThickness,
 )
-from jaxmuscle.effects.registry import BY_NAME, is_registered, register
 from jaxmuscle.effects.transmission import EccentricSprocket, ElasticTendon
 from jaxmuscle.effects.valve import (
     ChamberLeak,

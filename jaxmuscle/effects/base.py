@@ -1,4 +1,5 @@
 """Interface of an effect: an addition to one signal of the chain, vanishing exactly at zero strength.
+Effects are known by name; a user's own joins them with :func:`register`.
 
 Three kinds: static (no state), with a state that has a rate, and with a memory that is updated exactly at
 the end of each solver step. An effect declares the slot it adds to, the signals it reads, and the
@@ -8,13 +9,17 @@ parameter that is its strength; rigs and the diagnosis know nothing else about i
 from __future__ import annotations
 
 import abc
+import dataclasses
+import inspect
+import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
+from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Signals, Slot
 
 
@@ -113,7 +118,8 @@ class AbstractMemoryEffect(AbstractEffect):
 class AbstractSlipEffect(AbstractMemoryEffect):
     """An effect that changes how dry friction builds up on the way; a machine asks for its :class:`Bristle`.
 
-    The value is the share of the friction's limit that has built up, from -1 to 1.
+    The value is the share of the friction's limit that has built up, from -1 to 1. A rig that hands a
+    bristle to :func:`slip_of_mass` says so by ``slip`` among its `available` signals.
     """
 
     @abc.abstractmethod
@@ -128,11 +134,12 @@ class Bristle(NamedTuple):
     distance: Array
 
 
+_ELSEWHERE = (AbstractFrictionEffect, AbstractMuscleEffect, AbstractTransmissionEffect, AbstractSlipEffect)
+"""Effects that do not add to their slot as the chain fills it."""
+
 STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
 
-ELSEWHERE = (AbstractFrictionEffect, AbstractMuscleEffect, AbstractTransmissionEffect, AbstractSlipEffect)
-"""Kinds of effects that act in other ways than by an addition to their slot."""
 Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]
 
@@ -140,12 +147,13 @@ States = Mapping[str, Any]
 def addition(effects: Effects, slot: Slot, states: States, signals: Signals) -> Array | float:
     """Sum of what the effects of `slot` add under `signals`, in the order in which they were declared.
 
-    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`,
-    :func:`bristle`; what alters muscles or sprockets acts before: :func:`altered_muscle`, :func:`winding`.
+    Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`;
+    what alters muscles or sprockets acts before: :func:`altered_muscle`,
+    :func:`jaxmuscle.effects.transmission.winding`.
     """
     total: Array | float = 0.0
     for name, effect in effects.items():
-        if effect.slot == slot and not isinstance(effect, ELSEWHERE):
+        if effect.slot == slot and not isinstance(effect, _ELSEWHERE):
             total = total + effect_value(effect, states.get(name), signals)
     return total
 
@@ -172,31 +180,6 @@ def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | fl
         e.limit(signals) for e in effects.values() if isinstance(e, AbstractFrictionEffect) and e.slot == slot
     ]
     return sum(limits, start=0.0)
-
-
-def winding(effects: Effects, angle: Array) -> Array:
-    """Angle by which chain is wound up on the sprocket's mean radius [rad], after all effects on it."""
-    own = [e.winding(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
-    return sum(own, start=angle)
-
-
-def lever(effects: Effects, angle: Array) -> Array | float:
-    """Ratio of the sprocket's lever arm to its mean radius, after all effects on it."""
-    own = [e.lever(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
-    return sum(own, start=1.0)
-
-
-UNWINDINGS = 4
-"""Newton's steps to the angle of a winding: they leave less than 1e-9 rad where levers vary by a fifth."""
-
-
-def unwound(effects: Effects, wound: Array) -> Array:
-    """The angle by which a given length of chain is wound up, the inverse of :func:`winding` [rad]."""
-    angle = wound
-    if any(isinstance(e, AbstractTransmissionEffect) for e in effects.values()):
-        for _ in range(UNWINDINGS):
-            angle = angle - (winding(effects, angle) - wound) / lever(effects, angle)
-    return angle
 
 
 def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | None:
@@ -291,3 +274,56 @@ def updated_memories(effects: Effects, memories: States, signals: Signals, step:
         for n, e in effects.items()
         if isinstance(e, AbstractMemoryEffect)
     }
+
+
+Effect = TypeVar("Effect", bound=type[AbstractEffect])
+
+BY_NAME: dict[str, type[AbstractEffect]] = {}
+"""Name, as cards and saved fits use it → class."""
+DECLARED = ("name", "slot", "reads", "strength", "starts", "source")
+"""Class variables that an effect has to have; see :class:`AbstractEffect`."""
+BARE = re.compile(r"[A-Za-z0-9_]+")
+"""Names that can head a section of a card."""
+
+
+def register(effect: Effect) -> Effect:
+    """Make an effect known by its name, so that cards can declare it and fits with it can be saved.
+
+    A class decorator. A diagnosis, a fit in memory and a report do not need it, and a diagnosis does not
+    seek it by itself: name it in ``catalogue=``. Registering the same class again (a cell of a notebook that
+    is run twice) replaces it.
+
+    Raises:
+        InputError: a class variable is missing, something is still abstract, the strength is no parameter,
+            or the name is taken or no name (letters, digits, underscores).
+    """
+    if missing := [name for name in DECLARED if not hasattr(effect, name)]:
+        raise InputError(
+            f"{effect.__name__}: expected class variables {', '.join(missing)}; they are missing"
+        )
+    if inspect.isabstract(effect):
+        abstract = ", ".join(sorted(effect.__abstractmethods__))
+        raise InputError(f"{effect.__name__}: still abstract; define {abstract}")
+    if not BARE.fullmatch(effect.name):
+        raise InputError(
+            f"{effect.__name__}: expected a name of letters, digits and underscores; got {effect.name!r}"
+        )
+    own = [field.name for field in dataclasses.fields(effect) if "unit" in field.metadata]
+    if effect.strength not in own:
+        raise InputError(
+            f"{effect.__name__}: expected one of its parameters ({', '.join(own) or 'none'}) as strength; "
+            f"got {effect.strength!r}"
+        )
+    taken = BY_NAME.get(effect.name)
+    same = (effect.__module__, effect.__qualname__)
+    if taken is not None and (taken.__module__, taken.__qualname__) != same:
+        raise InputError(
+            f"{effect.__name__}: the name {effect.name!r} is that of {taken.__name__}; choose another"
+        )
+    BY_NAME[effect.name] = effect
+    return effect
+
+
+def is_registered(name: str, effect: AbstractEffect) -> bool:
+    """Whether a card that names `name` means an effect of this very class."""
+    return BY_NAME.get(name) is type(effect)

@@ -157,11 +157,10 @@ def test_two_joints_that_do_not_feel_each_other_are_two_masses():
     driving, velocity = jnp.array([0.7, -0.2]), jnp.array([1e-3, 2e-3])
     limit = jnp.array([1.0, 0.4])
     slip = coupled_slip(driving, velocity, limit, jnp.diag(mass), None, None, bristle)
-    each = [
-        slip_of_mass(*(v[i] for v in (driving, mass * velocity, limit)), None,
-                     Bristle(bristle.share[i], bristle.distance), mass[i])
-        for i in range(2)
-    ]  # fmt: skip
+    each = []
+    for i in range(2):
+        own = Bristle(bristle.share[i], bristle.distance)
+        each.append(slip_of_mass(driving[i], mass[i] * velocity[i], limit[i], None, own, mass[i]))
     np.testing.assert_allclose(slip, jnp.stack(each), rtol=1e-9)
 
 

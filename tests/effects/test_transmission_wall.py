@@ -21,7 +21,7 @@ from jaxmuscle.effects import (
     Stribeck,
     WallThickness,
 )
-from jaxmuscle.effects.base import lever, unwound, winding
+from jaxmuscle.effects.transmission import lever, unwound, winding
 from jaxmuscle.hysteresis.operators import bouc_wen, dahl
 from jaxmuscle.parameters import replace
 from jaxmuscle.signals import Signals
