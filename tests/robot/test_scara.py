@@ -36,7 +36,8 @@ def field(actuator):
     states, memory = initial_states(actuator.effects, machine().signals({**STATE, "effects": {}}, held))
     command = STATE["pressure"]
     past = Past(jnp.stack([command] * 2), jnp.asarray(0), jnp.asarray(2e-3), command)
-    return actuator.vector_field({**STATE, "effects": states}, Held(STATE["pressure"], past, memory))
+    held = Held(STATE["pressure"], past, memory, time=jnp.asarray(7.0))
+    return actuator.vector_field({**STATE, "effects": states}, held)
 
 
 def test_every_parameter_has_a_unit_and_a_meaning():
