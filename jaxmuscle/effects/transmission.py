@@ -1,4 +1,4 @@
-"""What lies between muscle and load: an eccentric sprocket, a tendon that stretches."""
+"""What lies between muscle and load: a sprocket of varying lever arm, a tendon that stretches."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
 
 
 class EccentricSprocket(AbstractTransmissionEffect):
-    r"""The sprockets turn about an axis beside their centre.
+    r"""The sprockets' lever arm changes with the angle, alike for both muscles of a joint.
 
     .. math:: R(θ) = R\,[1 + e \cos(θ - φ)],\quad
               x = ε_0 l_0 ± R\,[θ + e (\sin(θ - φ) + \sin φ)]
 
-    Lever arm of a chain on a circle to first order in the eccentricity e R; the contraction is its integral,
-    so that no work is lost. e, φ are those of every joint. Valid for |e| < 1, ends of the joint to 1e-9 rad
-    for |e| ≤ 0.2.
+    The contraction is the integral of the lever arm, so that no work is lost. e, φ are those of every
+    joint. A sprocket out of round is of this form; a round one whose axis is beside its centre has a lever
+    arm that grows on one side as it falls on the other, which this law does not describe. Valid for |e| < 1,
+    ends of the joint to 1e-9 rad for |e| ≤ 0.2.
     """
 
     name: ClassVar = "eccentric_sprocket"
@@ -30,9 +31,9 @@ class EccentricSprocket(AbstractTransmissionEffect):
     reads: ClassVar = frozenset({"sprocket"})
     strength: ClassVar = "eccentricity"
     starts: ClassVar = ({"phase": 0.0}, {"phase": 0.5 * math.pi})
-    source: ClassVar = "geometry of a circle about an axis beside its centre"
+    source: ClassVar = "lever arm with one harmonic, contraction its integral"
 
-    eccentricity: Scalar = parameter("", "distance of axis and centre over the radius", default=0.0)
+    eccentricity: Scalar = parameter("", "amplitude of the lever arm over its mean", default=0.0)
     phase: Scalar = parameter("rad", "angle of the largest lever arm", default=0.0, typical=0.5)
 
     def winding(self, angle: Array) -> Array:
