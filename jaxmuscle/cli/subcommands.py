@@ -163,15 +163,18 @@ def _print_fit(result: FitResult, files: list[Path]) -> None:
 
 
 def effects() -> None:
-    """List the effects that a diagnosis tries: name, signal, rigs that offer it, meaning, source."""
+    """List the effects: name, signal, rigs that offer it, meaning, source.
+
+    A diagnosis tries those of the first part; a card can declare them all.
+    """
     import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
     from jaxmuscle.actuators import RIGS
-    from jaxmuscle.effects import CATALOGUE
+    from jaxmuscle.effects import CATALOGUE, FURTHER
     from jaxmuscle.formatting import meaning
 
     table = Table("name", "signal", "rigs", "meaning", "source", box=None, pad_edge=False)
     table.columns[0].no_wrap = table.columns[1].no_wrap = True
-    for effect in CATALOGUE:
+    for effect in (*CATALOGUE, *FURTHER):
         rigs = ", ".join(name for name, rig in RIGS.items() if effect.reads <= rig.available)
         table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
     output().print(table)

@@ -9,7 +9,9 @@ from jaxmuscle.effects.base import (
     is_registered,
     register,
 )
+from jaxmuscle.effects.command import CommandDelay, DeadBand, RateLimit, SpoolHysteresis, ValveOffset
 from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
+from jaxmuscle.effects.gas import ChamberLeak, DeadVolume, GasHeating, LineLag, SupplyDroop
 from jaxmuscle.effects.load import ForceSensorLag, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
@@ -19,13 +21,7 @@ from jaxmuscle.effects.muscle import (
     MuscleMismatch,
     PressureDependentEnds,
 )
-from jaxmuscle.effects.valve import (
-    ChamberLeak,
-    CommandDelay,
-    CurrentSaturation,
-    FrameValveHysteresis,
-    ValveHysteresis,
-)
+from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
 
 CATALOGUE: tuple[type[AbstractEffect], ...] = (
     CommandDelay,
@@ -45,16 +41,29 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
     ForceSensorLag,
 )
 
+FURTHER: tuple[type[AbstractEffect], ...] = (
+    ValveOffset,
+    SpoolHysteresis,
+    DeadBand,
+    RateLimit,
+    SupplyDroop,
+    LineLag,
+    DeadVolume,
+    GasHeating,
+)
+"""Declared by cards or named in ``catalogue=``; a diagnosis does not seek them by itself."""
+
 ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
 """Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
 
-for _effect in (*CATALOGUE, *ALTERNATIVE_FORMS):
+for _effect in (*CATALOGUE, *FURTHER, *ALTERNATIVE_FORMS):
     register(_effect)
 
 __all__ = [
     "ALTERNATIVE_FORMS",
     "BY_NAME",
     "CATALOGUE",
+    "FURTHER",
     "AbstractEffect",
     "AbstractMemoryEffect",
     "AbstractRateEffect",
@@ -65,16 +74,24 @@ __all__ = [
     "CommandDelay",
     "Creep",
     "CurrentSaturation",
+    "DeadBand",
+    "DeadVolume",
     "ForceSensorLag",
     "FrameValveHysteresis",
+    "GasHeating",
     "Gravity",
     "LengthHysteresis",
+    "LineLag",
     "LoadDamping",
     "LoadFriction",
     "MuscleMismatch",
     "PressureDependentEnds",
+    "RateLimit",
+    "SpoolHysteresis",
+    "SupplyDroop",
     "ThreadFriction",
     "ValveHysteresis",
+    "ValveOffset",
     "is_registered",
     "register",
 ]

@@ -102,7 +102,8 @@ class Scara(AbstractMuscleJoints):
         ("angle_1", "angle_2"),
     )
     available: ClassVar = frozenset(
-        "command past pressure muscle contraction contraction_velocity position velocity".split()
+        "command past neutral spool pressure muscle contraction contraction_velocity "
+        "position velocity".split()
     )
 
     regulator: PressureRegulator

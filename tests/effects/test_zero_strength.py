@@ -36,6 +36,9 @@ SIZES = {
     "stiffness": 100.0,
     "time_constant": 0.05,
     "inverse_limit": 20.0,
+    "inverse_rate": 0.1,
+    "resistance": 1e7,
+    "volume": 1e-5,
 }
 SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},

@@ -14,14 +14,14 @@ from oracles.robot_bench import AMBIENT, machine
 from jaxmuscle import describe, simulate
 from jaxmuscle.actuators import Held
 from jaxmuscle.components.cylinder import positive_part
-from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.effects.base import initial_states
 from jaxmuscle.parameters import get
 from jaxmuscle.robot import Pane, Scara
 from jaxmuscle.robot.scara import PULLS
 from jaxmuscle.signals import Past
 
-OFFERED = [effect for effect in CATALOGUE if Scara.offers(effect)]
+OFFERED = [effect for effect in (*CATALOGUE, *FURTHER) if Scara.offers(effect)]
 STATE = {
     "pressure": AMBIENT + jnp.array([3e5, 2e5, 1.5e5, 3.2e5]),
     "pressure_rate": jnp.array([1e5, -2e5, 3e5, 0.0]),
