@@ -69,8 +69,8 @@ class Isotonic(AbstractActuator):
         Reading("position", given=("pressure",), signal="load"),
     )
     available: ClassVar = frozenset(
-        "command past neutral spool supply_pressure valve_flow mass_flow volume pressure_rate pressure muscle "
-        "contraction contraction_velocity position velocity".split()
+        "command past neutral spool supply_pressure valve_flow mass_flow volume pressure_rate pressure "
+        "muscle contraction contraction_velocity position velocity".split()
     )
     largest_step: ClassVar = 0.002
 

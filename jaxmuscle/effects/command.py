@@ -57,7 +57,7 @@ class SpoolHysteresis(AbstractMemoryEffect):
     .. math:: Δu = F_r[u] - u,\quad F_r[u] = \max(u - r, \min(u + r, F_r^-))
 
     On the way up it is the half-width r too low, on the way down too high. Exact for a command that is held
-    from sample to sample. At rest the play stands in its middle. `valve_hysteresis` on rigs that have a
+    from sample to sample. At first the play stands in its middle. `valve_hysteresis` on rigs that have a
     spool; that of a jet pipe is :class:`ValveHysteresis`.
     """
 
@@ -73,16 +73,28 @@ class SpoolHysteresis(AbstractMemoryEffect):
         "{command}", "half-width of the play between command and valve", default=0.0, nonnegative=True
     )
 
-    def initial(self, signals: Signals) -> Array:
-        return jnp.asarray(signals.command)
+    def initial(self, signals: Signals) -> tuple[Array, Array]:
+        return jnp.asarray(signals.command), jnp.zeros_like(signals.command)
 
-    def update(self, memory: Array, signals: Signals, step: Array) -> Array:
-        # Chosen by comparison: a command that stands still has the slopes of a play that does.
-        above, below = signals.command + self.half_width, signals.command - self.half_width
-        return jnp.where(memory > above, above, jnp.where(memory < below, below, memory))
+    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
+        return jnp.asarray(signals.command), self._place(memory, signals)
 
-    def value(self, memory: Array, signals: Signals) -> Array:
-        return self.update(memory, signals, jnp.zeros(())) - signals.command
+    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
+        return self.half_width * self._place(memory, signals)
+
+    def _place(self, memory: tuple[Array, Array], signals: Signals) -> Array:
+        """Where in its play the valve is, from -1 (behind a rise) to 1.
+
+        It is kept rather than the valve's position: of no play, too, it tells which side is touched, and
+        so what a little play would add.
+        """
+        before, place = memory
+        move = signals.command - before
+        some = self.half_width > 0
+        moved = place - move / jnp.where(some, self.half_width, 1.0)
+        inside = jnp.where(jnp.abs(moved) < 1, moved, jnp.sign(moved))
+        touched = jnp.where(move == 0, place, -jnp.sign(move))
+        return jnp.where(some, inside, touched)
 
 
 class DeadBand(AbstractStaticEffect):

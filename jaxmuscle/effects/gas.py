@@ -16,7 +16,7 @@ from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MASS_FLOW, PRESSURE_RATE, SUPPLY_PRESSURE, VOLUME, Signals
 
 SHORTEST_LAG = 1e-3
-"""Time constant below which the lag of a line is a share of a lag of this length [s]: less than is sampled."""
+"""Lag below which that of a line is a share of one of this length [s]: less than is sampled."""
 
 
 class ChamberLeak(AbstractStaticEffect):

@@ -16,8 +16,9 @@ from jaxmuscle.effects import (
     LoadFriction,
 )
 
-PACKAGED = {e for e in (*CATALOGUE, *FURTHER, *ALTERNATIVE_FORMS) if e not in BY_NAME[e.name].forms}
 from jaxmuscle.parameters import Scalar, parameter
+
+PACKAGED = {e for e in (*CATALOGUE, *FURTHER, *ALTERNATIVE_FORMS) if e not in BY_NAME[e.name].forms}
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ from jaxmuscle.components import (
     PressureRegulator,
     Receiver,
 )
-from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
+from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER  # noqa: F401 - tests take names from here
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import robot
