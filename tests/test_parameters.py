@@ -62,6 +62,20 @@ def test_entries_carry_what_was_declared():
     assert (load.unit, load.nonnegative, load.typical) == ("N m/s", True, 2.0)
 
 
+def test_a_natural_size_may_depend_on_the_unit():
+    path = "effects.dead_band.width"
+    volts, pascals = (parameters(bench.model(rig, ["dead_band"]))[path] for rig in ("isotonic", "joint"))
+    assert (volts.unit, pascals.unit) == ("V", "Pa") and pascals.typical > 1e3 * volts.typical > 0
+
+    class Other(eqx.Module):
+        """A part whose unit is not in the table."""
+
+        units: ClassVar = {"command": "K"}
+        shift: Any = parameter("{command}", "how far", default=0.0, typical={"V": 1.0})
+
+    assert parameters(Other())["shift"].typical is None
+
+
 def test_values_are_double_precision_arrays():
     for entry in parameters(whole()).values():
         assert entry.value.dtype == jnp.float64 and entry.value.shape == ()

@@ -14,6 +14,10 @@ from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, Signals
 
 
+SMALL_COMMAND = {"V": 0.1, "Pa": 2e3}
+"""Natural size of an error of a command, by its unit."""
+
+
 class CommandDelay(AbstractStaticEffect):
     """The command acts `delay` seconds late: u(t - delay) - u(t), zero-order hold, exact between samples."""
 
@@ -45,7 +49,9 @@ class ValveOffset(AbstractStaticEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "null shift of a valve, Merritt, Hydraulic Control Systems (1967)"
 
-    offset: Scalar = parameter("{command}", "what the valve adds to its command", default=0.0)
+    offset: Scalar = parameter(
+        "{command}", "what the valve adds to its command", default=0.0, typical=SMALL_COMMAND
+    )
 
     def value(self, signals: Signals) -> Array:
         return self.offset + jnp.zeros_like(signals.command)
@@ -70,7 +76,11 @@ class SpoolHysteresis(AbstractMemoryEffect):
     stage: ClassVar = 1
 
     half_width: Scalar = parameter(
-        "{command}", "half-width of the play between command and valve", default=0.0, nonnegative=True
+        "{command}",
+        "half-width of the play between command and valve",
+        default=0.0,
+        nonnegative=True,
+        typical=SMALL_COMMAND,
     )
 
     def initial(self, signals: Signals) -> tuple[Array, Array]:
@@ -115,7 +125,11 @@ class DeadBand(AbstractStaticEffect):
     stage: ClassVar = 2
 
     width: Scalar = parameter(
-        "{command}", "command up to which the valve stays shut, to either side", default=0.0, nonnegative=True
+        "{command}",
+        "command up to which the valve stays shut, to either side",
+        default=0.0,
+        nonnegative=True,
+        typical=SMALL_COMMAND,
     )
 
     def value(self, signals: Signals) -> Array:
@@ -148,7 +162,11 @@ class RateLimit(AbstractStaticEffect):
     stage: ClassVar = 3
 
     inverse_rate: Scalar = parameter(
-        "s/({command})", "one over the largest rate at which the valve follows", default=0.0, nonnegative=True
+        "s/({command})",
+        "one over the largest rate at which the valve follows",
+        default=0.0,
+        nonnegative=True,
+        typical={"s/(V)": 0.02, "s/(Pa)": 5e-7},
     )
 
     def value(self, signals: Signals) -> Array:

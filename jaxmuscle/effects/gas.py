@@ -82,7 +82,11 @@ class SupplyDroop(AbstractStaticEffect):
     source: ClassVar = "linear resistance of the supply line, Beater, Pneumatic Drives (2007)"
 
     resistance: Scalar = parameter(
-        "Pa s/kg", "fall of the supply pressure per mass flow", default=0.0, nonnegative=True
+        "Pa s/kg",
+        "fall of the supply pressure per mass flow",
+        default=0.0,
+        nonnegative=True,
+        typical=1e7,
     )
 
     def value(self, signals: Signals) -> Array:
@@ -108,7 +112,11 @@ class DeadVolume(AbstractStaticEffect):
     source: ClassVar = "inactive volume, Richer and Hurmuzlu (2000)"
 
     volume: Scalar = parameter(
-        "m^3", "volume of fittings and line beside the chamber's", default=0.0, nonnegative=True
+        "m^3",
+        "volume of fittings and line beside the chamber's",
+        default=0.0,
+        nonnegative=True,
+        typical=1e-5,
     )
 
     def value(self, signals: Signals) -> Array:
