@@ -13,7 +13,6 @@ from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, Signals
 
-
 SMALL_COMMAND = {"V": 0.1, "Pa": 2e3}
 """Natural size of an error of a command, by its unit."""
 

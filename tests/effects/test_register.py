@@ -15,7 +15,6 @@ from jaxmuscle.effects import (
     AbstractStaticEffect,
     LoadFriction,
 )
-
 from jaxmuscle.parameters import Scalar, parameter
 
 PACKAGED = {e for e in (*CATALOGUE, *FURTHER, *ALTERNATIVE_FORMS) if e not in BY_NAME[e.name].forms}
