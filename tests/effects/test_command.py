@@ -1,5 +1,7 @@
 """What a valve makes of its command: dead band, play, offset and limited rate, alone and one on the other."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +19,7 @@ from jaxmuscle.signals import Past, Signals
 STEP = 2e-3
 
 
-def band(command, width, neutral=0.0, moves=1.0):
+def band(command, width, neutral: Any = 0.0, moves: Any = 1.0):
     signals = Signals(command=jnp.asarray(command), neutral=neutral, moves_valve=moves)
     return command + built(DeadBand, width=width).value(signals)
 

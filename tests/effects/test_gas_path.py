@@ -1,5 +1,7 @@
 """Gas between supply and chamber: droop, lag of the line, dead volume, heating of the gas."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,11 +32,11 @@ def before_the_valve(pressure, opening=1.0):
     )
 
 
-def droop(resistance, pressure, opening=1.0):
+def droop(resistance, pressure, opening: Any = 1.0):
     return built(SupplyDroop, resistance=resistance).value(before_the_valve(pressure, opening))
 
 
-def balanced(resistance, pressure):
+def balanced(resistance, pressure) -> Any:
     """The droop at which the flow through line and valve is the same."""
 
     def excess(fall):
@@ -82,12 +84,13 @@ def test_line_lags_by_its_time_constant(time_constant):
     rate, step, flow = 0.3, 4e-4, lambda t: 1e-3 + 0.3 * t
     state, reached = lag.initial(Signals(valve_flow=jnp.asarray(flow(0.0)))), []
     onward = jax.jit(lambda s, q: s + step * lag.rate(s, Signals(valve_flow=q)))
-    for t in np.arange(2500) * step:
+    times = np.arange(2500) * step
+    for t in times:
         here = Signals(valve_flow=jnp.asarray(flow(t)))
         reached.append(float(flow(t) + lag.value(state, here)))
         state = onward(state, here.valve_flow)
     # A flow that rises steadily arrives τ late, whatever the lag.
-    assert (flow(t) - reached[-1]) / rate == pytest.approx(time_constant, abs=1e-9)
+    assert (flow(times[-1]) - reached[-1]) / rate == pytest.approx(time_constant, abs=1e-9)
     assert reached[0] == flow(0.0)
 
 
@@ -163,9 +166,9 @@ def test_heating_is_that_of_the_energy_balance_near_the_wall_temperature():
     gas = built(ChamberGas, wall_conductance=0.05)
     mass = pressure * volume / (GAS_CONSTANT * WALL)
     excess = 1e-6
-    numbers = [pressure, WALL * (1 + excess), volume, swelling, flow]
     heat = heat_of(jnp.asarray(flow), jnp.asarray(WALL), jnp.asarray(WALL))
-    warm = gas.rates(*map(jnp.asarray, numbers), heat, jnp.asarray(WALL))
+    numbers = (pressure, WALL * (1 + excess), volume, swelling, flow, heat, WALL)
+    warm = built(gas.rates, *map(jnp.asarray, numbers))
     thermal_time = mass * GAS_CONSTANT / (GAMMA - 1) / 0.05
     effect = built(GasHeating, share=1.0, thermal_time=thermal_time)
     signals = Signals(
