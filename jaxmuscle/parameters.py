@@ -33,7 +33,7 @@ def parameter(
     default: Any = _REQUIRED,
     positive: bool = False,
     nonnegative: bool = False,
-    typical: float | None = None,
+    typical: float | Mapping[str, float] | None = None,
 ) -> Any:
     """Declare a field of a model as a parameter.
 
@@ -45,6 +45,7 @@ def parameter(
         positive: kept above zero by every fit.
         nonnegative: may be zero, never below, in every fit.
         typical: natural size (SI) of a parameter whose default is zero: how far a fit may well move it.
+            By unit, ``{"V": 0.1, "Pa": 1e3}``, where that depends on the rig.
     """
     return eqx.field(
         converter=lambda value: jnp.asarray(value, dtype=float),
@@ -81,7 +82,9 @@ class Declaration:
     def of(cls, field: dataclasses.Field[Any], units: Mapping[str, str]) -> Declaration:
         """What a field declares; a unit of the rig that `units` does not hold stays as it is written."""
         said = {each.name: field.metadata[each.name] for each in dataclasses.fields(Declaration)}
-        return Declaration(**{**said, "unit": said["unit"].format_map(_Units(units))})
+        unit, typical = said["unit"].format_map(_Units(units)), said["typical"]
+        typical = typical.get(unit) if isinstance(typical, Mapping) else typical
+        return Declaration(**{**said, "unit": unit, "typical": typical})
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ says gauge. A machine with one muscle carries scalars, one with several carries 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -27,12 +28,26 @@ class Slot:
 COMMAND = Slot("command", "{command}")
 TIP_FORCE = Slot("tip_force", "N")
 TIP_POSITION = Slot("tip_position", "m")
+SUPPLY_PRESSURE = Slot("supply_pressure", "Pa")
 MASS_FLOW = Slot("mass_flow", "kg/s")
+VOLUME = Slot("volume", "m^3")
+PRESSURE_RATE = Slot("pressure_rate", "Pa/s")
 MUSCLE_FORCE = Slot("muscle_force", "N")
 LOAD = Slot("load", "{load}")
 FORCE_READING = Slot("force_reading", "N")
 
-SLOTS = (COMMAND, TIP_FORCE, TIP_POSITION, MASS_FLOW, MUSCLE_FORCE, LOAD, FORCE_READING)
+SLOTS = (
+    COMMAND,
+    TIP_FORCE,
+    TIP_POSITION,
+    SUPPLY_PRESSURE,
+    MASS_FLOW,
+    VOLUME,
+    PRESSURE_RATE,
+    MUSCLE_FORCE,
+    LOAD,
+    FORCE_READING,
+)
 
 
 class Past(eqx.Module):
@@ -67,6 +82,13 @@ class Signals(eqx.Module):
     command: Any = None  # unit of the rig's command
     past: Past | None = None
     time: Any = None  # s since the first row of the recording; only where an effect reads it
+    moves_valve: Any = 1.0  # of each command: 1, or 0 where it moves no valve
+    neutral: Any = None  # the command under which the valve is shut
+    reached: Any = None  # the command that the valve has followed so far
+    following_time: Any = None  # s, (command - reached) over the rate at which the valve follows
+    valve: Any = None  # the flow valve, for its constants
+    opening: Any = None  # of the flow valve, -1 … 1
+    supply_pressure: Any = None  # Pa, absolute, before the flow valve
     ambient_pressure: Any = None  # Pa
     gas_temperature: Any = None  # K
     current: Any = None  # A, in the coil of the valve
@@ -74,8 +96,12 @@ class Signals(eqx.Module):
     tip_position: Any = None  # m, where that force holds the tip
     pipe: Any = None  # the jet-pipe component, for its constants
     pressure: Any = None  # Pa, absolute, in the muscle
-    volume: Any = None  # m^3
-    mass_flow: Any = None  # kg/s into the muscle
+    valve_flow: Any = None  # kg/s, through the valve
+    mass_flow: Any = None  # kg/s into the chamber
+    volume: Any = None  # m^3, of the chamber
+    volume_rate: Any = None  # m^3/s
+    polytropic_exponent: Any = None  # of the chamber
+    pressure_rate: Any = None  # Pa/s, in the chamber
     contraction: Any = None  # m, shortening of the muscle
     contraction_velocity: Any = None  # m/s
     muscle: Any = None  # the muscle component, for its geometry
@@ -85,6 +111,7 @@ class Signals(eqx.Module):
     velocity: Any = None  # m/s or rad/s
     force: Any = None  # N, what the force sensor is loaded with
     force_reading: Any = None  # N, what the force sensor shows
+    found: Mapping[str, Any] = eqx.field(default_factory=dict)  # effect with a state → its slot before it
 
     @property
     def gauge_pressure(self) -> Muscles:

@@ -12,7 +12,7 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
+from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.parameters import describe, entries_of, get, parameter, parameters, replace
 from jaxmuscle.signals import SLOTS
 
@@ -60,6 +60,20 @@ def test_entries_carry_what_was_declared():
     size, load = parameters(whole())["part.size"], parameters(whole())["load"]
     assert (size.unit, size.meaning, size.positive, size.nonnegative) == ("m", "how large it is", True, False)
     assert (load.unit, load.nonnegative, load.typical) == ("N m/s", True, 2.0)
+
+
+def test_a_natural_size_may_depend_on_the_unit():
+    path = "effects.dead_band.width"
+    volts, pascals = (parameters(bench.model(rig, ["dead_band"]))[path] for rig in ("isotonic", "joint"))
+    assert (volts.unit, volts.typical, pascals.unit, pascals.typical) == ("V", 0.1, "Pa", 2e3)
+
+    class Other(eqx.Module):
+        """A part whose unit is not in the table."""
+
+        units: ClassVar = {"command": "K"}
+        shift: Any = parameter("{command}", "how far", default=0.0, typical={"V": 1.0})
+
+    assert parameters(Other())["shift"].typical is None
 
 
 def test_values_are_double_precision_arrays():
@@ -119,7 +133,10 @@ def test_what_effects_add_has_the_unit_of_the_signal(rig):
         "command": UNITS.parse_units(RIGS[rig].units.get("command", "")),
         "tip_force": UNITS.newton,
         "tip_position": UNITS.meter,
+        "supply_pressure": UNITS.pascal,
         "mass_flow": UNITS.kilogram / UNITS.second,
+        "volume": UNITS.meter**3,
+        "pressure_rate": UNITS.pascal / UNITS.second,
         "muscle_force": UNITS.newton,
         "load": load_of(rig),
         "force_reading": UNITS.newton,
@@ -135,7 +152,7 @@ def test_quantities_of_a_card_are_the_parameters_of_the_machine(rig):
     assert set(RIGS[rig].quantities.values()) == set(parameters(bench.model(rig)))
 
 
-@pytest.mark.parametrize("effect", (*CATALOGUE, *FURTHER), ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", (*CATALOGUE, *FURTHER), ids=lambda effect: effect.__name__)
 def test_effects_say_what_they_are(effect):
     own = [field.name for field in dataclasses.fields(effect)]
     assert effect.strength in own
@@ -147,16 +164,18 @@ def test_effects_say_what_they_are(effect):
     assert any(rig.offers(effect) for rig in RIGS.values())
 
 
-def test_names_of_effects_are_unique():
-    names = [effect.name for effect in (*CATALOGUE, *FURTHER)]
+@pytest.mark.parametrize("rig", RIGS)
+def test_names_of_effects_are_unique_on_a_rig(rig):
+    names = [effect.name for effect in bench.offered(rig)]
     assert len(set(names)) == len(names)
+    assert [RIGS[rig].effect_named(name) for name in names] == bench.offered(rig)
 
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_with_and_without_effects(rig):
     bare = bench.model(rig)
     name = bench.offered(rig)[0].name
-    carrying = bare.with_effects(**{name: BY_NAME[name](**{})})
+    carrying = bare.with_effects(**{name: bare.effect_named(name)(**{})})
     assert list(carrying.effects) == [name] and not bare.effects
     assert eqx.tree_equal(carrying.without_effects(name), bare)
 

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.variables import Column, Link, StateVariable, Variable, class_variables, rate_unit
-from jaxmuscle.effects.base import AbstractEffect, States, addition
+from jaxmuscle.effects.base import BY_NAME, AbstractEffect, States, filled
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import get
 from jaxmuscle.signals import Past, Signals, Slot
@@ -264,7 +264,12 @@ class AbstractActuator(eqx.Module):
         """Whether this rig has the signals that an effect reads."""
         return effect.reads <= cls.available
 
+    @classmethod
+    def effect_named(cls, name: str) -> type[AbstractEffect]:
+        """The class of the registered effect `name` that this rig offers; without one, its first form."""
+        first = BY_NAME[name]
+        return next((form for form in (first, *first.forms) if cls.offers(form)), first)
+
     def _with(self, signals: Signals, slot: Slot, value: Array, states: States) -> Signals:
         """`signals` with the slot filled by `value` and by what the effects add to it."""
-        filled = signals.having(**{slot.name: value})
-        return filled.having(**{slot.name: value + addition(self.effects, slot, states, filled)})
+        return filled(self.effects, slot, value, states, signals)

@@ -56,7 +56,7 @@ class Elbow(AbstractRegulated):
         StateVariable("plays", ""),
         Reading("angle", "rad", ("angle",), given=("pressure",), signal="position"),
     )
-    available: ClassVar = frozenset("command past pressure".split())
+    available: ClassVar = frozenset("command past neutral spool pressure".split())
     largest_step: ClassVar = 0.002
     channel: ClassVar = ControlChannel("angle", rest="ambient_pressure", lowest="ambient_pressure")
 
@@ -73,7 +73,7 @@ class Elbow(AbstractRegulated):
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         signals = Signals(past=held.past, ambient_pressure=self.ambient_pressure, pressure=state["pressure"])
-        signals = self._with(signals, COMMAND, held.command, states)
+        signals = self._with(self._behind_valves(signals, state), COMMAND, held.command, states)
         angle = self.hysteresis.output(state["plays"], signals.gauge_pressure)
         return signals.having(position=angle)
 

@@ -17,7 +17,16 @@ from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
 from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, LOAD, MASS_FLOW, MUSCLE_FORCE, Signals
+from jaxmuscle.signals import (
+    COMMAND,
+    LOAD,
+    MASS_FLOW,
+    MUSCLE_FORCE,
+    PRESSURE_RATE,
+    SUPPLY_PRESSURE,
+    VOLUME,
+    Signals,
+)
 
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]"""
@@ -60,8 +69,8 @@ class Isotonic(AbstractActuator):
         Reading("position", given=("pressure",), signal="load"),
     )
     available: ClassVar = frozenset(
-        "command past time mass_flow pressure muscle contraction contraction_velocity position velocity "
-        "slip".split()
+        "command past time neutral spool supply_pressure valve_flow mass_flow volume pressure_rate pressure "
+        "muscle contraction contraction_velocity position velocity slip".split()
     )
     largest_step: ClassVar = 0.002
 
@@ -86,6 +95,12 @@ class Isotonic(AbstractActuator):
         signals = Signals(
             past=held.past,
             time=held.time,
+            neutral=0.0,
+            reached=state["opening"] * self.valve.full_command,
+            following_time=self.valve.time_constant,
+            valve=self.valve,
+            opening=state["opening"],
+            polytropic_exponent=self.polytropic_exponent,
             ambient_pressure=self.ambient_pressure,
             gas_temperature=self.gas_temperature,
             pressure=state["pressure"],
@@ -96,10 +111,7 @@ class Isotonic(AbstractActuator):
             velocity=state["velocity"],
         )
         signals = self._with(signals, COMMAND, held.command, states)
-        flow = self.valve.mass_flow(
-            state["opening"], signals.pressure, self.ambient_pressure, self.gas_temperature
-        )
-        signals = self._with(signals, MASS_FLOW, flow, states)
+        signals = self._charged(signals, states)
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
         loose = self._load(signals, signals.muscle_force, states)
@@ -112,6 +124,26 @@ class Isotonic(AbstractActuator):
         rubbed = self._load(signals, signals.muscle_force - in_threads * slip, states)
         return rubbed.having(load=rubbed.load - in_guide * slip)
 
+    def _charged(self, signals: Signals, states: States) -> Signals:
+        """The chain from the supply to the rate of the pressure."""
+        signals = self._with(signals, SUPPLY_PRESSURE, self.valve.supply_pressure, states)
+        flow = self.valve.mass_flow(
+            signals.opening,
+            signals.pressure,
+            self.ambient_pressure,
+            self.gas_temperature,
+            signals.supply_pressure,
+        )
+        signals = self._with(signals.having(valve_flow=flow), MASS_FLOW, flow, states)
+        signals = self._with(signals, VOLUME, self.muscle.volume(signals.contraction), states)
+        # The plate stops the mass within a step, so the volume must not follow it below.
+        velocity = jnp.where(signals.position <= 0, jnp.maximum(signals.velocity, 0.0), signals.velocity)
+        signals = signals.having(volume_rate=self.muscle.volume_slope(signals.contraction) * velocity)
+        inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
+        expanding = signals.pressure * signals.volume_rate
+        rate = self.polytropic_exponent * (inflow - expanding) / signals.volume
+        return self._with(signals, PRESSURE_RATE, rate, states)
+
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle force, which cannot push, to what accelerates the mass."""
         pulling = signals.having(muscle_force=tension(muscle_force))
@@ -119,16 +151,10 @@ class Isotonic(AbstractActuator):
 
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
-        n = self.polytropic_exponent
-        volume = self.muscle.volume(signals.contraction)
-        # The plate stops the mass within a step, so the volume must not follow it below.
-        velocity = jnp.where(signals.position <= 0, jnp.maximum(signals.velocity, 0.0), signals.velocity)
-        volume_rate = self.muscle.volume_slope(signals.contraction) * velocity
-        inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
         acceleration = signals.load / self.mass
         return {
             "opening": self.valve.opening_rate(signals.command, state["opening"]),
-            "pressure": n * (inflow - signals.pressure * volume_rate) / volume,
+            "pressure": signals.pressure_rate,
             "position": signals.velocity,
             "velocity": stopped_acceleration(acceleration, signals.position, *PLATE),
             "effects": state_rates(self.effects, state.get("effects", {}), signals),

@@ -16,7 +16,17 @@ from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, P
 from jaxmuscle.components.gas import heat_of
 from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, FORCE_READING, LOAD, MASS_FLOW, TIP_FORCE, TIP_POSITION, Signals
+from jaxmuscle.signals import (
+    COMMAND,
+    FORCE_READING,
+    LOAD,
+    MASS_FLOW,
+    PRESSURE_RATE,
+    TIP_FORCE,
+    TIP_POSITION,
+    VOLUME,
+    Signals,
+)
 
 BEHIND_A_JET_PIPE: tuple[Variable, ...] = (
     StateVariable("current", "A"),
@@ -40,6 +50,7 @@ class AbstractJetPipe(AbstractActuator):
         """The chain up to the tip's static position; `known`: further signals that effects may read."""
         signals = Signals(
             past=held.past,
+            neutral=0.0,
             ambient_pressure=self.ambient_pressure,
             gas_temperature=self.gas_temperature,
             pipe=self.pipe,
@@ -108,7 +119,8 @@ class JetPipeActuator(AbstractJetPipe):
     }
     variables: ClassVar = (Command("command", "V"), *BEHIND_A_JET_PIPE)
     available: ClassVar = frozenset(
-        "command past current pipe tip_force tip_position mass_flow chambers force".split()
+        "command past neutral current pipe tip_force tip_position valve_flow mass_flow volume pressure_rate "
+        "chambers force".split()
     )
     largest_step: ClassVar = 1e-3
     channel: ClassVar = ControlChannel("force", "A")
@@ -146,28 +158,35 @@ class JetPipeActuator(AbstractJetPipe):
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
-        signals = self._up_to_the_tip(state, held, states)
-        signals = self._with(signals, MASS_FLOW, self._mass_flow(state), states)
+        signals = self._up_to_the_tip(state, held, states, polytropic_exponent=self.polytropic_exponent)
+        signals = self._charged(signals, state, states)
         pull = jnp.maximum(self.cylinder.force(signals.pressure), self.residual_force)
         return self._with(signals.having(force=pull), FORCE_READING, pull, states)
 
-    def _mass_flow(self, state: State) -> Array:
-        """Flows into both chambers, the leak past the piston included [kg/s]."""
+    def _charged(self, signals: Signals, state: State, states: States) -> Signals:
+        """The chain from the tip to the rates of the pressures."""
+        through = self._through_the_ports(state)
+        leak = self.cylinder.leak(signals.pressure, self.gas_temperature) * jnp.array([-1.0, 1.0])
+        signals = self._with(signals.having(valve_flow=through), MASS_FLOW, through + leak, states)
+        volumes = self.cylinder.volumes(self.stopper_position)
+        signals = self._with(signals.having(volume_rate=jnp.zeros(2)), VOLUME, volumes, states)
+        rate = self.cylinder.pressure_rate(
+            signals.mass_flow, signals.volume, self.gas_temperature, self.polytropic_exponent
+        )
+        return self._with(signals, PRESSURE_RATE, rate, states)
+
+    def _through_the_ports(self, state: State) -> Array:
+        """Flows through the ports of the receiver into both chambers [kg/s]."""
         tip, pressure, temperature = state["pipe"][1], state["pressure"], self.gas_temperature
         position = self.pipe.over_receiver(tip)
-        through = self.receiver.mass_flow(position, pressure, self.ambient_pressure, temperature)
-        leak = self.cylinder.leak(pressure, temperature)
-        return through + leak * jnp.array([-1.0, 1.0])
+        return self.receiver.mass_flow(position, pressure, self.ambient_pressure, temperature)
 
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
-        volumes = self.cylinder.volumes(self.stopper_position)
         return {
             "current": self.driver.current_rate(signals.command, signals.current),
             "pipe": self.pipe.rate(signals.tip_position, state["pipe"]),
-            "pressure": self.cylinder.pressure_rate(
-                signals.mass_flow, volumes, self.gas_temperature, self.polytropic_exponent
-            ),
+            "pressure": signals.pressure_rate,
             "effects": state_rates(self.effects, state.get("effects", {}), signals),
         }
 
@@ -217,8 +236,8 @@ class JetPipePiston(AbstractJetPipe):
         StateVariable("velocity", "m/s"),
     )
     available: ClassVar = frozenset(
-        "command past current pipe tip_force tip_position mass_flow pressure chambers position velocity slip "
-        "force".split()
+        "command past neutral current pipe tip_force tip_position valve_flow mass_flow pressure chambers "
+        "position velocity slip force".split()
     )
     largest_step: ClassVar = 2.5e-4
 
@@ -258,10 +277,11 @@ class JetPipePiston(AbstractJetPipe):
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
         signals = self._up_to_the_tip(
-            state, held, states, position=state["position"], velocity=state["velocity"]
-        )
-        flow = self._flows(state, signals.command[1])[0]
-        signals = self._with(signals, MASS_FLOW, flow, states)
+            state, held, states, position=state["position"], velocity=state["velocity"],
+            moves_valve=jnp.array([1.0, 0.0]),
+        )  # fmt: skip
+        through, leak, _ = self._flows(state, signals.command[1])
+        signals = self._with(signals.having(valve_flow=through), MASS_FLOW, through + leak, states)
         x, v = signals.position, signals.velocity
         rod = self.piston.rod_force(self.stopper_position - self.cylinder.stopper_length - x, v)
         net = self.cylinder.force(signals.pressure) - rod + self.piston.end_force(x, v)
@@ -273,8 +293,8 @@ class JetPipePiston(AbstractJetPipe):
         signals = signals.having(load=signals.load - limit * slip, force=rod)
         return self._with(signals, FORCE_READING, rod, states)
 
-    def _flows(self, state: State, supply_pressure: Array) -> tuple[Array, Array]:
-        """Flows into the chambers, leak past the piston included [kg/s], and the heat Σ ṁ T they carry."""
+    def _flows(self, state: State, supply_pressure: Array) -> tuple[Array, Array, Array]:
+        """Flows into the chambers through the ports and past the piston [kg/s], the heat Σ ṁ T they carry."""
         tip, pressure, own = state["pipe"][1], state["pressure"], state["temperature"]
         inflow, outflow = self.receiver.streams(
             self.pipe.over_receiver(tip), pressure, supply_pressure, self.ambient_pressure,
@@ -282,13 +302,13 @@ class JetPipePiston(AbstractJetPipe):
         )  # fmt: skip
         leak = self.cylinder.leak(pressure, own) * jnp.array([-1.0, 1.0])
         heat = heat_of(inflow, own, self.gas_temperature) + heat_of(-outflow, own, self.gas_temperature)
-        return inflow - outflow + leak, heat + heat_of(leak, own, own[::-1])
+        return inflow - outflow, leak, heat + heat_of(leak, own, own[::-1])
 
     def vector_field(self, state: State, held: Held) -> State:
         signals = self.signals(state, held)
         own, velocity = state["temperature"], state["velocity"]
-        flow, heat = self._flows(state, signals.command[1])
-        heat = heat + heat_of(signals.mass_flow - flow, own, self.gas_temperature)
+        through, leak, heat = self._flows(state, signals.command[1])
+        heat = heat + heat_of(signals.mass_flow - (through + leak), own, self.gas_temperature)
         travel = jnp.stack([state["position"], self.cylinder.free_length - state["position"]])
         area = self.cylinder.piston_area
         pressure_rate, temperature_rate = self.gas.rates(

@@ -87,13 +87,17 @@ class AbstractPulledJoints(AbstractActuator):
             velocity=velocity,
         )
         if self.commands:
-            signals = self._with(signals, COMMAND, held.command, states)
+            signals = self._with(self._behind_valves(signals, state), COMMAND, held.command, states)
         force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
         return self._with(signals, MUSCLE_FORCE, force, states)
 
     def _radius(self, angle: Array) -> Array:
         """Lever arm of the muscles at a joint's angle [m]."""
         return self.sprocket_radius * lever(self.effects, angle)
+
+    def _behind_valves(self, signals: Signals, state: State) -> Signals:
+        """`signals` with what is known of the valves; here nothing."""
+        return signals
 
     @property
     def _ends(self) -> tuple[Array, Array]:
@@ -181,6 +185,12 @@ class AbstractRegulated(AbstractActuator):
     def resting_command(self, measured: Mapping[str, Array]) -> Array:
         return measured["pressure"]
 
+    def _behind_valves(self, signals: Signals, state: State) -> Signals:
+        pressure = state["pressure"]
+        return signals.having(
+            neutral=pressure, reached=pressure, following_time=self.regulator.following_time
+        )
+
     def _pressure_rates(self, state: State, signals: Signals) -> State:
         """Rates of the pressure and of its rate."""
         acceleration = self.regulator.acceleration(signals.command, signals.pressure, state["pressure_rate"])
@@ -218,7 +228,7 @@ class Joint(AbstractOpposedMuscles, AbstractMuscleJoints):
     quantities: ClassVar = {**AbstractMuscleJoints.quantities, "inertia": "inertia"}
     variables: ClassVar = muscle_joints(("command_1", "command_2"), ("pressure_1", "pressure_2"), ("angle",))
     available: ClassVar = frozenset(
-        "command past time pressure muscle muscle_pair contraction contraction_velocity "
+        "command past time neutral spool pressure muscle muscle_pair contraction contraction_velocity "
         "position velocity angle slip sprocket".split()
     )
 

@@ -28,16 +28,24 @@ class FlowValve(eqx.Module):
         return (command / self.full_command - opening) / self.time_constant
 
     def mass_flow(
-        self, opening: Value, pressure: Value, ambient_pressure: Value, temperature: Value
+        self,
+        opening: Value,
+        pressure: Value,
+        ambient_pressure: Value,
+        temperature: Value,
+        supply_pressure: Value | None = None,
     ) -> Value:
         """Flow into the muscle [kg/s]: charge from the supply minus exhaust to ambient ([H] 2.18).
+
+        The supply pressure is the valve's own unless another one is given.
 
         Continuous; its slope over the opening is another on either side of a shut valve. At an opening of 0
         the derivative is that of charging: a linear model about a shut valve sees that side only.
         """
         charging = opening >= 0
         # One of the two ports is shut, so that one nozzle is enough.
-        source = jnp.where(charging, self.supply_pressure, pressure)
+        supply = self.supply_pressure if supply_pressure is None else supply_pressure
+        source = jnp.where(charging, supply, pressure)
         sink = jnp.where(charging, pressure, ambient_pressure)
         # A negative area turns the flow round.
         return nozzle_flow(self.area * opening, source, sink, temperature)
@@ -56,6 +64,11 @@ class PressureRegulator(eqx.Module):
         """
         omega = 2 * jnp.pi * self.frequency
         return omega**2 * (command - pressure) - 2 * self.damping * omega * pressure_rate
+
+    @property
+    def following_time(self) -> Value:
+        r"""Time :math:`2ζ/ω` by which a pressure that keeps pace trails a command that rises steadily [s]."""
+        return self.damping / (jnp.pi * self.frequency)
 
 
 class CurrentDriver(eqx.Module):

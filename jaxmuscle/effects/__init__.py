@@ -11,6 +11,7 @@ from jaxmuscle.effects.base import (
     is_registered,
     register,
 )
+from jaxmuscle.effects.command import CommandDelay, DeadBand, RateLimit, SpoolHysteresis, ValveOffset
 from jaxmuscle.effects.force_loss import BoucWen, ForceDrift
 from jaxmuscle.effects.friction import (
     LoadFriction,
@@ -19,6 +20,7 @@ from jaxmuscle.effects.friction import (
     Stribeck,
     ThreadFriction,
 )
+from jaxmuscle.effects.gas import ChamberLeak, DeadVolume, GasHeating, LineLag, SupplyDroop
 from jaxmuscle.effects.load import EndStop, ForceSensorLag, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
@@ -30,13 +32,7 @@ from jaxmuscle.effects.muscle import (
     WallThickness,
 )
 from jaxmuscle.effects.transmission import EccentricSprocket, ElasticTendon
-from jaxmuscle.effects.valve import (
-    ChamberLeak,
-    CommandDelay,
-    CurrentSaturation,
-    FrameValveHysteresis,
-    ValveHysteresis,
-)
+from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
 
 CATALOGUE: tuple[type[AbstractEffect], ...] = (
     CommandDelay,
@@ -66,6 +62,14 @@ FURTHER: tuple[type[AbstractEffect], ...] = (
     EccentricSprocket,
     ElasticTendon,
     BoucWen,
+    ValveOffset,
+    SpoolHysteresis,
+    DeadBand,
+    RateLimit,
+    SupplyDroop,
+    LineLag,
+    DeadVolume,
+    GasHeating,
 )
 """Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`."""
 
@@ -91,23 +95,31 @@ __all__ = [
     "CommandDelay",
     "Creep",
     "CurrentSaturation",
+    "DeadBand",
+    "DeadVolume",
     "EccentricSprocket",
     "ElasticTendon",
     "EndStop",
     "ForceDrift",
     "ForceSensorLag",
     "FrameValveHysteresis",
+    "GasHeating",
     "Gravity",
     "LengthHysteresis",
+    "LineLag",
     "LoadDamping",
     "LoadFriction",
     "MuscleMismatch",
     "Presliding",
     "PressureDependentEnds",
     "PressureDependentFriction",
+    "RateLimit",
+    "SpoolHysteresis",
     "Stribeck",
+    "SupplyDroop",
     "ThreadFriction",
     "ValveHysteresis",
+    "ValveOffset",
     "WallThickness",
     "is_registered",
     "register",

@@ -33,6 +33,9 @@ class AbstractEffect(eqx.Module):
         strength: the parameter at whose zero value the addition is exactly zero.
         starts: alternative values of its other parameters from which a search begins.
         source: where the equation comes from.
+        stage: effects of one slot act in the order of their stages, each on what those of the stages
+            before have left; those of one stage all see the same.
+        forms: classes that are this effect, under its name, on rigs that do not offer this class.
     """
 
     name: ClassVar[str]
@@ -41,6 +44,8 @@ class AbstractEffect(eqx.Module):
     strength: ClassVar[str]
     starts: ClassVar[tuple[Mapping[str, float], ...]]
     source: ClassVar[str]
+    stage: ClassVar[int] = 0
+    forms: ClassVar[tuple[type[AbstractEffect], ...]] = ()
 
 
 class AbstractStaticEffect(AbstractEffect):
@@ -136,6 +141,7 @@ class Bristle(NamedTuple):
 
 _ELSEWHERE = (AbstractFrictionEffect, AbstractMuscleEffect, AbstractTransmissionEffect, AbstractSlipEffect)
 """Effects that do not add to their slot as the chain fills it."""
+_WITH_STATE = (AbstractRateEffect, AbstractMemoryEffect)
 
 STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
@@ -144,18 +150,24 @@ Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]
 
 
-def addition(effects: Effects, slot: Slot, states: States, signals: Signals) -> Array | float:
-    """Sum of what the effects of `slot` add under `signals`, in the order in which they were declared.
+def filled(effects: Effects, slot: Slot, value: Array, states: States, signals: Signals) -> Signals:
+    """`signals` with the slot filled by `value` and by what its effects add to it, stage by stage.
 
     Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`;
     what alters muscles or sprockets acts before: :func:`altered_muscle`,
     :func:`jaxmuscle.effects.transmission.winding`.
     """
-    total: Array | float = 0.0
-    for name, effect in effects.items():
-        if effect.slot == slot and not isinstance(effect, _ELSEWHERE):
-            total = total + effect_value(effect, states.get(name), signals)
-    return total
+    acting = {n: e for n, e in effects.items() if e.slot == slot and not isinstance(e, _ELSEWHERE)}
+    signals = signals.having(**{slot.name: value})
+    for stage in sorted({effect.stage for effect in acting.values()}):
+        found = getattr(signals, slot.name)
+        total: Array | float = 0.0
+        for name, effect in acting.items():
+            if effect.stage == stage:
+                total = total + effect_value(effect, states.get(name), signals)
+        here = {n: found for n, e in acting.items() if e.stage == stage and isinstance(e, _WITH_STATE)}
+        signals = signals.having(**{slot.name: found + total}, found={**signals.found, **here})
+    return signals
 
 
 def effect_value(effect: AbstractEffect, state: Any, signals: Signals) -> Array:
@@ -255,22 +267,33 @@ def _widened(width: float, widening: Array | float | None) -> Array | float:
     return width if widening is None else width * widening
 
 
+def _as_found(name: str, effect: AbstractEffect, signals: Signals) -> Signals:
+    """The signals of a whole chain as an effect with a state found them: its slot before it acted."""
+    return signals.having(**{effect.slot.name: signals.found[name]}) if name in signals.found else signals
+
+
 def initial_states(effects: Effects, signals: Signals) -> tuple[dict[str, Any], dict[str, Any]]:
     """(integrated states, memories) of all effects at rest under `signals`."""
-    states = {n: e.initial(signals) for n, e in effects.items() if isinstance(e, AbstractRateEffect)}
-    memories = {n: e.initial(signals) for n, e in effects.items() if isinstance(e, AbstractMemoryEffect)}
-    return states, memories
+    rates, memories = (
+        {n: e.initial(_as_found(n, e, signals)) for n, e in effects.items() if isinstance(e, kind)}
+        for kind in _WITH_STATE
+    )
+    return rates, memories
 
 
 def state_rates(effects: Effects, states: States, signals: Signals) -> dict[str, Any]:
     """Time derivatives of all integrated effect states."""
-    return {n: e.rate(states[n], signals) for n, e in effects.items() if isinstance(e, AbstractRateEffect)}
+    return {
+        n: e.rate(states[n], _as_found(n, e, signals))
+        for n, e in effects.items()
+        if isinstance(e, AbstractRateEffect)
+    }
 
 
 def updated_memories(effects: Effects, memories: States, signals: Signals, step: Array) -> dict[str, Any]:
     """All memories after a solver step of `step` seconds that ended with `signals`."""
     return {
-        n: e.update(memories[n], signals, step)
+        n: e.update(memories[n], _as_found(n, e, signals), step)
         for n, e in effects.items()
         if isinstance(e, AbstractMemoryEffect)
     }
@@ -279,7 +302,7 @@ def updated_memories(effects: Effects, memories: States, signals: Signals, step:
 Effect = TypeVar("Effect", bound=type[AbstractEffect])
 
 BY_NAME: dict[str, type[AbstractEffect]] = {}
-"""Name, as cards and saved fits use it → class."""
+"""Name, as cards and saved fits use it → class; of one with several forms the first."""
 DECLARED = ("name", "slot", "reads", "strength", "starts", "source")
 """Class variables that an effect has to have; see :class:`AbstractEffect`."""
 BARE = re.compile(r"[A-Za-z0-9_]+")
@@ -315,6 +338,8 @@ def register(effect: Effect) -> Effect:
             f"got {effect.strength!r}"
         )
     taken = BY_NAME.get(effect.name)
+    if taken is not None and effect in taken.forms:
+        return effect
     same = (effect.__module__, effect.__qualname__)
     if taken is not None and (taken.__module__, taken.__qualname__) != same:
         raise InputError(
@@ -325,5 +350,6 @@ def register(effect: Effect) -> Effect:
 
 
 def is_registered(name: str, effect: AbstractEffect) -> bool:
-    """Whether a card that names `name` means an effect of this very class."""
-    return BY_NAME.get(name) is type(effect)
+    """Whether a card that names `name` means an effect of this very class, on a rig that offers it."""
+    known = BY_NAME.get(name)
+    return known is not None and type(effect) in (known, *known.forms)

@@ -1,4 +1,4 @@
-"""Effects of the valve: delay and saturation of the command, hysteresis of the tip, leakage."""
+"""Effects of a jet-pipe valve: saturation of its torque motor, hysteresis of its tip."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxmuscle.components.gas import nozzle_flow
-from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.command import SpoolHysteresis
 from jaxmuscle.hysteresis import FrameRule
 from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import COMMAND, MASS_FLOW, TIP_FORCE, TIP_POSITION, Signals
+from jaxmuscle.signals import TIP_FORCE, TIP_POSITION, Signals
 
 FRACTIONS = np.arange(1, 9) / 8
 """Thresholds of the play operators, as fractions of the widest."""
@@ -39,6 +39,7 @@ class ValveHysteresis(AbstractMemoryEffect):
     strength: ClassVar = "weight"
     starts: ClassVar = ({"width": 0.1}, {"width": 0.25}, {"width": 0.5})
     source: ClassVar = "[H] section 2.4 with the operators of [W] equation 1"
+    forms: ClassVar[tuple[type[AbstractEffect], ...]] = (SpoolHysteresis,)
 
     weight: Scalar = parameter("", "part of the compliance that lies behind the plays", default=0.0)
     width: Scalar = parameter("N", "half-width of the widest play, as tip force", default=0.25, positive=True)
@@ -124,36 +125,3 @@ class CurrentSaturation(AbstractStaticEffect):
     def value(self, signals: Signals) -> Array:
         excess = jnp.maximum(jnp.abs(signals.current) * self.inverse_limit, 1.0)
         return signals.pipe.tip_force(signals.current) * (1 / excess - 1)
-
-
-class ChamberLeak(AbstractStaticEffect):
-    """A leak from the chamber to the atmosphere: nozzle flow through `area` ([H] 2.18)."""
-
-    name: ClassVar = "chamber_leak"
-    slot: ClassVar = MASS_FLOW
-    reads: ClassVar = frozenset({"mass_flow"})
-    strength: ClassVar = "area"
-    starts: ClassVar = ({},)
-    source: ClassVar = "[H] equations 2.18-2.23"
-
-    area: Scalar = parameter("m^2", "effective area of the leak", default=0.0, nonnegative=True)
-
-    def value(self, signals: Signals) -> Array:
-        return -nozzle_flow(self.area, signals.pressure, signals.ambient_pressure, signals.gas_temperature)
-
-
-class CommandDelay(AbstractStaticEffect):
-    """The command acts `delay` seconds late: u(t - delay) - u(t), zero-order hold, exact between samples."""
-
-    name: ClassVar = "command_delay"
-    slot: ClassVar = COMMAND
-    reads: ClassVar = frozenset({"command", "past"})
-    strength: ClassVar = "delay"
-    starts: ClassVar = tuple({"delay": delay} for delay in (0.003, 0.006, 0.012, 0.025, 0.05, 0.1))
-    source: ClassVar = "dead time"
-
-    delay: Scalar = parameter("s", "dead time of the command", default=0.0, nonnegative=True)
-
-    def value(self, signals: Signals) -> Array:
-        assert signals.past is not None
-        return signals.past(self.delay) - signals.past(0.0 * self.delay)

@@ -96,12 +96,12 @@ def machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
             f"register it first"
         )
     values: dict[str, Any] = dict(data["values"])
-    effects = {}
+    rig, effects = RIGS[data["rig"]], {}
     for name in data["effects"]:
-        build: Any = BY_NAME[name]
+        build: Any = rig.effect_named(name)
         effects[name] = build(**of_effect(name, values))
     own = {path: value for path, value in values.items() if split_effect(path)[0] is None}
-    return schema.build(RIGS[data["rig"]], own, effects)
+    return schema.build(rig, own, effects)
 
 
 RULES: dict[str, Any] = {"squares": Squares, "huber": Huber, "student": Student}

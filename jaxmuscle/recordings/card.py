@@ -17,7 +17,7 @@ import tomlkit
 
 from jaxmuscle.actuators import rig_named
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.effects import BY_NAME, is_registered
+from jaxmuscle.effects import is_registered
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
@@ -221,7 +221,7 @@ class Card:
             here[name] = quantity
             there.pop(name, None)
         for effect, parameters in (effects or {}).items():
-            needs = schema.effect_parameters(BY_NAME[effect], rig)
+            needs = schema.effect_parameters(rig.effect_named(effect), rig)
             old = self.effects.get(effect, {})
             new = {name: _estimated(name, old.get(name), needs, e) for name, e in parameters.items()}
             declared[effect] = {**old, **new}
@@ -273,7 +273,8 @@ class Card:
         if self.horizon is not None:
             sections["fit"] = {"horizon": {"value": self.horizon, "unit": "s"}}
         for name, parameters in self.effects.items():
-            sections[f"effects.{name}"] = written(parameters, schema.effect_parameters(BY_NAME[name], rig))
+            own = schema.effect_parameters(rig.effect_named(name), rig)
+            sections[f"effects.{name}"] = written(parameters, own)
         return sections
 
     def _written_noise(self, name: str, need: Need) -> dict[str, Any]:
@@ -289,7 +290,7 @@ def actuator_from_card(card: Card) -> AbstractActuator:
     """
     rig = rig_named(card.rig)
     values = {rig.quantities[name]: quantity.value for name, quantity in card.quantities.items()}
-    effects = {name: _effect(name, parameters) for name, parameters in card.effects.items()}
+    effects = {name: _effect(rig.effect_named(name), parameters) for name, parameters in card.effects.items()}
     return schema.build(rig, values, effects)
 
 
@@ -299,8 +300,7 @@ def can_declare(name: str, effect: AbstractEffect) -> bool:
     return is_registered(name, effect) and all(np.ndim(value) == 0 for value in values)
 
 
-def _effect(name: str, parameters: Mapping[str, Quantity]) -> AbstractEffect:
-    kind: Any = BY_NAME[name]
+def _effect(kind: Any, parameters: Mapping[str, Quantity]) -> AbstractEffect:
     return kind(**{parameter: quantity.value for parameter, quantity in parameters.items()})
 
 

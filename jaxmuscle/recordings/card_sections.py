@@ -145,11 +145,11 @@ def _effects(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[s
             problems.add(where, f"unknown effect{nearest(name, BY_NAME)}. {own}")
         elif not isinstance(entries, Mapping):
             problems.add(where, f"expected a section with the effect's parameters; got {entries!r}")
-        elif not rig.offers(BY_NAME[name]):
-            lacking = ", ".join(sorted(BY_NAME[name].reads - rig.available))
+        elif not rig.offers(effect := rig.effect_named(name)):
+            lacking = ", ".join(sorted(effect.reads - rig.available))
             problems.add(where, f"rig {rig.rig!r} cannot have this effect: it has no signal {lacking}")
         else:
-            found[name] = _effect(entries, schema.effect_parameters(BY_NAME[name], rig), where, problems)
+            found[name] = _effect(entries, schema.effect_parameters(effect, rig), where, problems)
     return found
 
 

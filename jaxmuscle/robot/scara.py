@@ -102,8 +102,8 @@ class Scara(AbstractMuscleJoints):
         ("angle_1", "angle_2"),
     )
     available: ClassVar = frozenset(
-        "command past time pressure muscle contraction contraction_velocity position velocity slip "
-        "sprocket".split()
+        "command past time neutral spool pressure muscle contraction contraction_velocity position velocity "
+        "slip sprocket".split()
     )
 
     regulator: PressureRegulator

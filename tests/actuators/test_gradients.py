@@ -34,11 +34,41 @@ GENERIC = {
     "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.4},
     "elastic_tendon": {"compliance": 2e-6},
     "bouc_wen": {"amplitude": 2.0, "distance": 4.1e-3},
+    "valve_offset": {"offset": 0.11},
+    "valve_hysteresis": {"half_width": 0.07},
+    "dead_band": {"width": 0.29},
+    "rate_limit": {"inverse_rate": 1 / 143},
+    "supply_droop": {"resistance": 1.3e7},
+    "line_lag": {"time_constant": 0.0123},
+    "dead_volume": {"volume": 1.1e-5},
+    "gas_heating": {"share": 0.37, "thermal_time": 0.21},
 }
 """Values under which no effect sits on a kink of its own."""
-SCALES = {"area": 1e-7, "delay": 1e-3, "force": 1.0, "threshold_pressure": 1e4, "stiffness": 100.0}
-SCALES |= {"thickness": 1e-3, "compliance": 1e-5, "coefficient": 1e-5, "distance": 1e-3}
+REGULATED = {
+    "valve_offset": {"offset": 1.9e3},
+    "valve_hysteresis": {"half_width": 3.1e3},
+    "dead_band": {"width": 2.3e3},
+    "rate_limit": {"inverse_rate": 1 / 1.7e6},
+}
+"""The same where commands are pressures."""
+SCALES = {
+    "area": 1e-7,
+    "delay": 1e-3,
+    "force": 1.0,
+    "threshold_pressure": 1e4,
+    "stiffness": 100.0,
+    "inverse_rate": 1e-6,
+    "resistance": 1e6,
+    "volume": 1e-6,
+    "time_constant": 1e-2,
+    "thickness": 1e-3,
+    "compliance": 1e-5,
+    "coefficient": 1e-5,
+    "distance": 1e-3,
+}
 """Size of a parameter that is zero, by its last name; 0.1 for the others."""
+IN_PASCALS = {"offset": 1e3, "width": 1e3, "half_width": 1e3}
+"""The same where commands are pressures."""
 RANGES = {"pressure": 5e5, "position": 0.05, "angle": 1.0, "force": 500.0}
 
 
@@ -90,7 +120,8 @@ SCENES = {
 def machine(rig):
     """The rig with every offered effect, its scenes stacked, its readings and their derivatives."""
     carried = [effect.name for effect in bench.offered(rig)]
-    declared = {name: GENERIC.get(name, {}) for name in carried}
+    values = {**GENERIC, **REGULATED} if rig == "joint" else GENERIC
+    declared = {name: values.get(name, {}) for name in carried}
     actuator = bench.model(rig, **declared)
     scenes = jax.tree.map(lambda *leaves: jnp.stack(leaves), *SCENES[rig].values())
     paths = list(parameters(actuator))
@@ -106,9 +137,10 @@ def machine(rig):
     return actuator, paths, scenes, over_scenes(readings), over_scenes(jax.jacfwd(readings))
 
 
-def sizes(paths, values):
+def sizes(rig, paths, values):
     names = [path.split(".")[-1] for path in paths]
-    return np.array([abs(v) if v else SCALES.get(n, 0.1) for n, v in zip(names, values, strict=True)])
+    scales = {**SCALES, **IN_PASCALS} if rig == "joint" else SCALES
+    return np.array([abs(v) if v else scales.get(n, 0.1) for n, v in zip(names, values, strict=True)])
 
 
 def assert_close(derivative, difference, tolerance, floor, paths, scenes):
@@ -127,9 +159,9 @@ def assert_close(derivative, difference, tolerance, floor, paths, scenes):
 def test_derivative_over_every_parameter(rig):
     actuator, paths, scenes, readings, jacobian = machine(rig)
     values = np.array([float(entry.value) for entry in parameters(actuator).values()])
-    steps = np.diag(1e-5 * sizes(paths, values))
+    steps = np.diag(1e-5 * sizes(rig, paths, values))
     difference = [(readings(values + s, scenes) - readings(values - s, scenes)) / 2e-5 for s in steps]
-    derivative = jacobian(values, scenes) * sizes(paths, values)
+    derivative = jacobian(values, scenes) * sizes(rig, paths, values)
     # Readings are of order one and good to 1e-15, so that the difference is good to 1e-10 beside its own
     # curvature, of the order of the squared step.
     tolerance = [2e-6] * len(SCENES[rig])
@@ -142,7 +174,7 @@ def test_derivative_over_strengths_at_zero(rig):
     carried = bench.model(rig, [effect.name for effect in bench.offered(rig)])
     values = np.array([float(entry.value) for entry in parameters(carried).values()])
     absent = np.flatnonzero(values == 0)
-    size = sizes(paths, values)[absent]
+    size = sizes(rig, paths, values)[absent]
     base, h = readings(values, scenes), 1e-5
     # One-sided, second order: a strength starts at zero.
     steps = h * size[:, None] * np.eye(len(values))[absent]

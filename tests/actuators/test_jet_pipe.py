@@ -90,6 +90,10 @@ GENERIC = {
     "valve_hysteresis": {"weight": 0.4, "width": 0.21},
     "chamber_leak": {"area": 1.5e-8},
     "force_sensor_lag": {"time_constant": 0.013},
+    "dead_band": {"width": 0.061},
+    "line_lag": {"time_constant": 0.0083},
+    "dead_volume": {"volume": 2.1e-6},
+    "gas_heating": {"share": 0.37, "thermal_time": 0.21},
 }
 SCALES = {"offset": 1e-3, "receiver_offset": 1e-4}
 

@@ -7,7 +7,6 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.effects import (
-    BY_NAME,
     CATALOGUE,
     FURTHER,
     AbstractMemoryEffect,
@@ -25,8 +24,20 @@ from jaxmuscle.effects.base import (
 from jaxmuscle.signals import Past, Signals
 
 NOISE = np.random.default_rng(7).normal(0, 0.1, 32)
-SIZES = {"area": 1e-7, "delay": 1e-3, "stiffness": 100.0, "time_constant": 5e-3, "wall_stiffness": 10.0}
-SIZES |= {"thickness": 1e-3, "compliance": 1e-5, "distance": 1e-3}
+SIZES = {
+    "area": 1e-7,
+    "delay": 1e-3,
+    "stiffness": 100.0,
+    "time_constant": 5e-3,
+    "wall_stiffness": 10.0,
+    "inverse_rate": 1e-8,
+    "resistance": 1e7,
+    "volume": 1e-5,
+    "thickness": 1e-3,
+    "compliance": 1e-5,
+    "distance": 1e-3,
+}
+ALL = pytest.mark.parametrize("effect_type", (*CATALOGUE, *FURTHER), ids=lambda effect: effect.__name__)
 VELOCITIES = (0.13, 0.0, -0.13)
 
 
@@ -39,6 +50,17 @@ def situation(velocity, contraction):
     force = muscle.force(0.05 + contraction * both, pressure - bench.AMBIENT, muscle.end_factor)
     return Signals(
         command=table[4],
+        neutral=pressure,
+        reached=pressure,
+        following_time=jnp.asarray(7e-3),
+        valve=bench.model("isotonic").valve,
+        opening=jnp.asarray(0.4),
+        supply_pressure=jnp.asarray(bench.AMBIENT + 6e5),
+        valve_flow=1.2e-4 * both,
+        volume=5e-5 * (1.5 + both),
+        volume_rate=1e-4 * velocity * both,
+        polytropic_exponent=jnp.asarray(1.2),
+        pressure_rate=1e5 * both,
         past=Past(table, jnp.asarray(4), jnp.asarray(2e-3), table[0]),
         time=jnp.asarray(20.0),
         ambient_pressure=jnp.asarray(bench.AMBIENT),
@@ -57,9 +79,8 @@ def situation(velocity, contraction):
     )
 
 
-def contribution(name, strength, velocity):
+def contribution(effect_type, strength, velocity):
     """What the effect adds, or the limit of its dry friction, from a disturbed state."""
-    effect_type = BY_NAME[name]
     effect = effect_type(**{effect_type.strength: strength})
     before, now = situation(velocity, 0.004), situation(velocity, 0.004 + 2e-3 * velocity)
 
@@ -88,11 +109,13 @@ def contribution(name, strength, velocity):
 
 
 @pytest.mark.parametrize("velocity", VELOCITIES)
-@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
-def test_slope_at_zero_strength(name, velocity):
-    size = SIZES.get(BY_NAME[name].strength, 1.0)
-    slope = jax.jacfwd(lambda s: contribution(name, s * size, velocity))(jnp.asarray(0.0))
-    zero, half, whole = (contribution(name, jnp.asarray(h * size), velocity) for h in (0.0, 5e-5, 1e-4))
+@ALL
+def test_slope_at_zero_strength(effect_type, velocity):
+    size = SIZES.get(effect_type.strength, 1.0)
+    slope = jax.jacfwd(lambda s: contribution(effect_type, s * size, velocity))(jnp.asarray(0.0))
+    zero, half, whole = (
+        contribution(effect_type, jnp.asarray(h * size), velocity) for h in (0.0, 5e-5, 1e-4)
+    )
     assert not np.any(zero)
     assert np.isfinite(slope).all()
     # One-sided, second order, since some strengths have no other side; the bend of the sharpest (a lag of
@@ -103,12 +126,12 @@ def test_slope_at_zero_strength(name, velocity):
     )
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
-def test_reverse_mode_agrees(name):
-    size = SIZES.get(BY_NAME[name].strength, 1.0)
+@ALL
+def test_reverse_mode_agrees(effect_type):
+    size = SIZES.get(effect_type.strength, 1.0)
 
     def total(strength):
-        return jnp.sum(contribution(name, strength * size, 0.13))
+        return jnp.sum(contribution(effect_type, strength * size, 0.13))
 
     forward = jax.jvp(total, (jnp.asarray(0.0),), (jnp.asarray(1.0),))[1]
     np.testing.assert_allclose(jax.grad(total)(jnp.asarray(0.0)), forward, rtol=1e-9, atol=1e-15)

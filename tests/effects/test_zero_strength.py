@@ -41,6 +41,9 @@ SIZES = {
     "amplitude": 5.0,
     "coefficient": 1e-4,
     "distance": 1e-3,
+    "inverse_rate": 0.1,
+    "resistance": 1e7,
+    "volume": 1e-5,
 }
 COMPANIONS = {"presliding": {"load_friction": {"force": 1e4}, "thread_friction": bench.THREADS}}
 """Effects without which one does nothing."""

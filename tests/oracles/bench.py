@@ -16,7 +16,7 @@ from jaxmuscle.components import (
     PressureRegulator,
     Receiver,
 )
-from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
+from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER  # noqa: F401 - tests take names from here
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import robot
@@ -149,11 +149,11 @@ def model(rig, carried=(), **declared):
     quantities = RIGS[rig].quantities
     bare = replace(BLANKS[rig], {quantities[name]: value for name, value in CARDS[rig].items()})
     values = {name: declared.get(name, {}) for name in (*carried, *declared)}
-    return bare.with_effects(**{name: BY_NAME[name](**value) for name, value in values.items()})
+    return bare.with_effects(**{name: bare.effect_named(name)(**value) for name, value in values.items()})
 
 
 def offered(rig):
-    """The effects, those included that a diagnosis does not seek, that a rig offers."""
+    """The effects that a rig offers, whether a diagnosis seeks them by itself or not."""
     return [effect for effect in (*CATALOGUE, *FURTHER) if BLANKS[rig].offers(effect)]
 
 
