@@ -31,8 +31,20 @@ MASS_FLOW = Slot("mass_flow", "kg/s")
 MUSCLE_FORCE = Slot("muscle_force", "N")
 LOAD = Slot("load", "{load}")
 FORCE_READING = Slot("force_reading", "N")
+PRESSURE_READING = Slot("pressure_reading", "Pa")
+POSITION_READING = Slot("position_reading", "{motion}")
 
-SLOTS = (COMMAND, TIP_FORCE, TIP_POSITION, MASS_FLOW, MUSCLE_FORCE, LOAD, FORCE_READING)
+SLOTS = (
+    COMMAND,
+    TIP_FORCE,
+    TIP_POSITION,
+    MASS_FLOW,
+    MUSCLE_FORCE,
+    LOAD,
+    FORCE_READING,
+    PRESSURE_READING,
+    POSITION_READING,
+)
 
 
 class Past(eqx.Module):
@@ -84,6 +96,9 @@ class Signals(eqx.Module):
     velocity: Any = None  # m/s or rad/s
     force: Any = None  # N, what the force sensor is loaded with
     force_reading: Any = None  # N, what the force sensor shows
+    # What the sensors of pressure [Pa, absolute] and of the motion [m or rad] show, where an effect asks.
+    pressure_reading: Any = None
+    position_reading: Any = None
 
     @property
     def gauge_pressure(self) -> Muscles:

@@ -12,7 +12,7 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
 from jaxmuscle.parameters import describe, entries_of, get, parameter, parameters, replace
 from jaxmuscle.signals import SLOTS
 
@@ -123,8 +123,10 @@ def test_what_effects_add_has_the_unit_of_the_signal(rig):
         "muscle_force": UNITS.newton,
         "load": load_of(rig),
         "force_reading": UNITS.newton,
+        "pressure_reading": UNITS.pascal,
+        "position_reading": UNITS.parse_units(RIGS[rig].units["motion"]),
     }
-    slots = {effect.slot for effect in bench.offered(rig)}
+    slots = {effect.slot for effect in (*bench.offered(rig), *bench.offered(rig, FURTHER))}
     assert {slot.name for slot in SLOTS} == set(units) and slots <= set(SLOTS) and slots
     for slot in slots:
         assert UNITS.parse_units(slot.unit.format(**RIGS[rig].units)) == units[slot.name]
@@ -135,7 +137,7 @@ def test_quantities_of_a_card_are_the_parameters_of_the_machine(rig):
     assert set(RIGS[rig].quantities.values()) == set(parameters(bench.model(rig)))
 
 
-@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", (*CATALOGUE, *FURTHER), ids=lambda effect: effect.name)
 def test_effects_say_what_they_are(effect):
     own = [field.name for field in dataclasses.fields(effect)]
     assert effect.strength in own
@@ -148,7 +150,7 @@ def test_effects_say_what_they_are(effect):
 
 
 def test_names_of_effects_are_unique():
-    names = [effect.name for effect in CATALOGUE]
+    names = [effect.name for effect in (*CATALOGUE, *FURTHER)]
     assert len(set(names)) == len(names)
 
 

@@ -10,8 +10,18 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
-from jaxmuscle.actuators.variables import Column, Link, StateVariable, Variable, class_variables, rate_unit
+from jaxmuscle.actuators.sensing import reading_slots
+from jaxmuscle.actuators.variables import (
+    Column,
+    Link,
+    StateVariable,
+    Variable,
+    class_variables,
+    column_units,
+    rate_unit,
+)
 from jaxmuscle.effects.base import AbstractEffect, States, addition
+from jaxmuscle.effects.readings import column_signal, measured_columns
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import get
 from jaxmuscle.signals import Past, Signals, Slot
@@ -108,6 +118,7 @@ class AbstractActuator(eqx.Module):
 
     Class variables that follow:
         columns: column of a recording → its unit.
+        unit_templates: what a unit of a parameter may name: `units`, and ``column NAME`` and ``rate NAME``.
         states: state → what is declared of it; rates of measured states too.
         commands: columns of the command, one or one a muscle.
         measured: state → column(s) that measure it.
@@ -128,6 +139,7 @@ class AbstractActuator(eqx.Module):
     largest_step: ClassVar[float]
     channel: ClassVar[ControlChannel | None] = None
     columns: ClassVar[Mapping[str, Column]] = {}
+    unit_templates: ClassVar[Mapping[str, str]] = {}
     states: ClassVar[Mapping[str, StateVariable]] = {}
     commands: ClassVar[tuple[str, ...]]
     measured: ClassVar[Mapping[str, tuple[str, ...]]]
@@ -155,6 +167,8 @@ class AbstractActuator(eqx.Module):
             )
         for name, value in found.items():
             setattr(cls, name, value)
+        if hasattr(cls, "units"):
+            cls.unit_templates = {**cls.units, **column_units(cls.columns.values())}
         if cls.channel is not None and hasattr(cls, "outputs"):
             cls.channel = cls.channel.checked(cls.__name__, cls.units, cls.outputs, len(cls.commands), paths)
 
@@ -260,7 +274,18 @@ class AbstractActuator(eqx.Module):
     @classmethod
     def offers(cls, effect: type[AbstractEffect]) -> bool:
         """Whether this rig has the signals that an effect reads."""
-        return effect.reads <= cls.available
+        return effect.reads <= cls.readable()
+
+    @classmethod
+    def reading_slots(cls) -> dict[Slot, str]:
+        """Slot of the reading of pressure, and of that of the motion → the output that it is."""
+        return reading_slots(cls.outputs, cls.columns, cls.units.get("motion"))
+
+    @classmethod
+    def readable(cls) -> frozenset[str]:
+        """All that an effect may read here: `available`, readings of the chain, measured columns."""
+        columns = {column_signal(column) for column in measured_columns(cls)}
+        return cls.available | {slot.name for slot in cls.reading_slots()} | columns
 
     def _with(self, signals: Signals, slot: Slot, value: Array, states: States) -> Signals:
         """`signals` with the slot filled by `value` and by what the effects add to it."""

@@ -6,11 +6,10 @@ from jaxmuscle.effects.base import (
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
-    is_registered,
     register,
 )
 from jaxmuscle.effects.friction import LoadFriction, ThreadFriction
-from jaxmuscle.effects.load import ForceSensorLag, Gravity, LoadDamping
+from jaxmuscle.effects.load import Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
     BladderStiffness,
@@ -19,6 +18,9 @@ from jaxmuscle.effects.muscle import (
     MuscleMismatch,
     PressureDependentEnds,
 )
+from jaxmuscle.effects.names import effect_named, is_registered, names_on
+from jaxmuscle.effects.readings import AbstractReadingEffect, reading_effect, reading_effects
+from jaxmuscle.effects.sensors import Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
 from jaxmuscle.effects.valve import (
     ChamberLeak,
     CommandDelay,
@@ -48,17 +50,27 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
 ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
 """Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
 
-for _effect in (*CATALOGUE, *ALTERNATIVE_FORMS):
+FURTHER: tuple[type[AbstractEffect], ...] = (
+    PressureSensorLag,
+    ForceSensorNonlinearity,
+    Backlash,
+)
+"""Further effects: declared by cards or named in ``catalogue=``; a diagnosis does not seek them by itself."""
+
+for _effect in (*CATALOGUE, *ALTERNATIVE_FORMS, *FURTHER):
     register(_effect)
 
 __all__ = [
     "ALTERNATIVE_FORMS",
     "BY_NAME",
     "CATALOGUE",
+    "FURTHER",
     "AbstractEffect",
     "AbstractMemoryEffect",
     "AbstractRateEffect",
+    "AbstractReadingEffect",
     "AbstractStaticEffect",
+    "Backlash",
     "BladderHoopStiffness",
     "BladderStiffness",
     "ChamberLeak",
@@ -66,6 +78,7 @@ __all__ = [
     "Creep",
     "CurrentSaturation",
     "ForceSensorLag",
+    "ForceSensorNonlinearity",
     "FrameValveHysteresis",
     "Gravity",
     "LengthHysteresis",
@@ -73,8 +86,13 @@ __all__ = [
     "LoadFriction",
     "MuscleMismatch",
     "PressureDependentEnds",
+    "PressureSensorLag",
     "ThreadFriction",
     "ValveHysteresis",
+    "effect_named",
     "is_registered",
+    "names_on",
+    "reading_effect",
+    "reading_effects",
     "register",
 ]

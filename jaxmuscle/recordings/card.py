@@ -17,7 +17,7 @@ import tomlkit
 
 from jaxmuscle.actuators import rig_named
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.effects import BY_NAME, is_registered
+from jaxmuscle.effects import effect_named, is_registered
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
@@ -221,7 +221,7 @@ class Card:
             here[name] = quantity
             there.pop(name, None)
         for effect, parameters in (effects or {}).items():
-            needs = schema.effect_parameters(BY_NAME[effect], rig)
+            needs = schema.effect_parameters(_effect_type(effect), rig)
             old = self.effects.get(effect, {})
             new = {name: _estimated(name, old.get(name), needs, e) for name, e in parameters.items()}
             declared[effect] = {**old, **new}
@@ -273,7 +273,8 @@ class Card:
         if self.horizon is not None:
             sections["fit"] = {"horizon": {"value": self.horizon, "unit": "s"}}
         for name, parameters in self.effects.items():
-            sections[f"effects.{name}"] = written(parameters, schema.effect_parameters(BY_NAME[name], rig))
+            own = schema.effect_parameters(_effect_type(name), rig)
+            sections[f"effects.{name}"] = written(parameters, own)
         return sections
 
     def _written_noise(self, name: str, need: Need) -> dict[str, Any]:
@@ -299,8 +300,15 @@ def can_declare(name: str, effect: AbstractEffect) -> bool:
     return is_registered(name, effect) and all(np.ndim(value) == 0 for value in values)
 
 
+def _effect_type(name: str) -> type[AbstractEffect]:
+    """The class of an effect; `KeyError` when none has that name."""
+    if (found := effect_named(name)) is None:
+        raise KeyError(name)
+    return found
+
+
 def _effect(name: str, parameters: Mapping[str, Quantity]) -> AbstractEffect:
-    kind: Any = BY_NAME[name]
+    kind: Any = _effect_type(name)
     return kind(**{parameter: quantity.value for parameter, quantity in parameters.items()})
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.effects.base import States, initial_states
 from jaxmuscle.parameters import entries_of, split_index
 from jaxmuscle.recordings.smoothing import noise_level, smooth
@@ -79,10 +80,10 @@ def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0
     state = actuator.rest(track.at(jnp.asarray(row)))
     held = held_at(actuator, track, jnp.asarray(row), {})
     bare = actuator.without_effects(*actuator.effects)
-    states, memory = initial_states(actuator.effects, bare.signals(state, held))
+    states, memory = initial_states(actuator.effects, sensing(actuator, bare.signals(state, held)))
     # Once more under the signals that these states make: a lagging sensor starts at the whole force.
     whole = actuator.signals({**state, "effects": states}, held_at(actuator, track, jnp.asarray(row), memory))
-    states, memory = initial_states(actuator.effects, whole)
+    states, memory = initial_states(actuator.effects, sensing(actuator, whole))
     return Start({**state, "effects": states}, memory)
 
 

@@ -7,7 +7,7 @@ from effects.own import Sleeve
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.effects import ALTERNATIVE_FORMS, BY_NAME, CATALOGUE, AbstractStaticEffect, LoadFriction
+from jaxmuscle.effects import ALTERNATIVE_FORMS, BY_NAME, CATALOGUE, FURTHER, AbstractStaticEffect, LoadFriction
 from jaxmuscle.parameters import Scalar, parameter
 
 
@@ -20,7 +20,7 @@ def _as_before():
 
 
 def test_the_effects_of_the_package_are_registered():
-    assert set(BY_NAME.values()) == {*CATALOGUE, *ALTERNATIVE_FORMS}
+    assert set(BY_NAME.values()) == {*CATALOGUE, *ALTERNATIVE_FORMS, *FURTHER}
     assert all(effect.name == name for name, effect in BY_NAME.items())
 
 
@@ -47,7 +47,7 @@ def named(**variables):
 def test_what_cannot_be_registered(effect, told):
     with pytest.raises(InputError, match=told):
         jm.effects.register(effect)
-    assert set(BY_NAME.values()) == {*CATALOGUE, *ALTERNATIVE_FORMS}
+    assert set(BY_NAME.values()) == {*CATALOGUE, *ALTERNATIVE_FORMS, *FURTHER}
 
 
 def test_an_abstract_class_is_refused():

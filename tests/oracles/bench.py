@@ -16,7 +16,7 @@ from jaxmuscle.components import (
     PressureRegulator,
     Receiver,
 )
-from jaxmuscle.effects import BY_NAME, CATALOGUE
+from jaxmuscle.effects import BY_NAME, CATALOGUE, effect_named
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import robot
@@ -149,12 +149,12 @@ def model(rig, carried=(), **declared):
     quantities = RIGS[rig].quantities
     bare = replace(BLANKS[rig], {quantities[name]: value for name, value in CARDS[rig].items()})
     values = {name: declared.get(name, {}) for name in (*carried, *declared)}
-    return bare.with_effects(**{name: BY_NAME[name](**value) for name, value in values.items()})
+    return bare.with_effects(**{name: effect_named(name)(**value) for name, value in values.items()})
 
 
-def offered(rig):
-    """The effects of the catalogue that a rig offers."""
-    return [effect for effect in CATALOGUE if BLANKS[rig].offers(effect)]
+def offered(rig, effects=CATALOGUE):
+    """The effects, those of the catalogue unless others are given, that a rig offers."""
+    return [effect for effect in effects if BLANKS[rig].offers(effect)]
 
 
 def isotonic_command():
