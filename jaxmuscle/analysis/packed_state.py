@@ -75,9 +75,9 @@ class Situation(eqx.Module):
         state = {**self.unpack(packed), **self.held}
         signals = actuator.signals(state, steady(actuator, command, self.memory))
         readings = sensed(actuator, signals, {**state.get("effects", {}), **self.memory})
-        begin, row = Track(jnp.asarray(1.0), command[None], {}), jnp.arange(1)
+        begin = Track(jnp.asarray(1.0), command[None], {})
         series = {name: values[None] for name, values in readings.items()}
-        shown = shown_readings(actuator, series, begin, row)
+        shown = shown_readings(actuator, series, begin, 0)
         return jnp.concatenate([jnp.ravel(shown[name]) for name in actuator.outputs])
 
     def output(self, actuator: AbstractActuator, column: str) -> int:

@@ -76,7 +76,7 @@ def rates_and_readings(
 def _rates_and_readings(
     model: AbstractActuator, track: Track, samples: int, substeps: int
 ) -> tuple[Arrays, Arrays]:
-    track, rows = true_track(model, track), jnp.arange(samples)
+    track = true_track(model, track)
     hidden = observe(model, track, samples, substeps)
 
     def instant(row, start):
@@ -85,8 +85,8 @@ def _rates_and_readings(
         states = {**state.get("effects", {}), **start.memory}
         return model.vector_field(state, held), sensed(model, model.signals(state, held), states)
 
-    rates, readings = jax.vmap(instant)(rows, hidden)
-    readings = shown_readings(model, readings, track, rows)
+    rates, readings = jax.vmap(instant)(jnp.arange(samples), hidden)
+    readings = shown_readings(model, readings, track, 0)
     return {name: rates[name] for name in (*model.measured, *model.derivatives)}, readings
 
 

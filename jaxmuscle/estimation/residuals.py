@@ -100,12 +100,13 @@ def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals
 
 def _begun(actuator: AbstractActuator, problem: Problem) -> Problem:
     """With the measured states freed of sensors' errors, those of the first sample as `begin` says."""
-    measured = dict(true_track(actuator, problem.track).measured)
+    track = true_track(actuator, problem.track)
+    measured = dict(track.measured)
     for path, value in problem.begin.items():
         name, index = split_index(path)
         if name in measured:
             measured[name] = measured[name].at[(0, *(index or ()))].set(value)
-    return eqx.tree_at(lambda p: p.track.measured, problem, measured)
+    return dataclasses.replace(problem, track=dataclasses.replace(track, measured=measured))
 
 
 BROKEN = 1e4
@@ -160,7 +161,9 @@ def moved(
     begin = {path.removeprefix(START): v for path, v in given.items() if path.startswith(START)}
     if begin:
         problem = dataclasses.replace(problem, begin={**problem.begin, **begin})
-    return (machine.with_effects(**offsets) if offsets else machine), problem
+    machine = machine.with_effects(**offsets) if offsets else machine
+    # Here already, so that those who move a state at a window's beginning move the one that it begins with.
+    return machine, dataclasses.replace(problem, track=true_track(machine, problem.track))
 
 
 def residual_vector(

@@ -201,7 +201,7 @@ def run(
         begin = depending_on(actuator, begin)
     scan = linearised_scan if derivatives == "linearised" else jax.lax.scan
     _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
-    return Run(shown_readings(whole, readings, track, row + jnp.arange(samples)), states, commands)
+    return Run(shown_readings(whole, readings, track, row), states, commands)
 
 
 def _shown_now(actuator: AbstractActuator, readings: Readings, track: Track, row: Array) -> Readings:
@@ -209,7 +209,7 @@ def _shown_now(actuator: AbstractActuator, readings: Readings, track: Track, row
     if without_sensor_errors(actuator) is actuator:
         return readings
     series = jax.tree.map(lambda values: values[None], readings)
-    return jax.tree.map(lambda values: values[0], shown_readings(actuator, series, track, row[None]))
+    return jax.tree.map(lambda values: values[0], shown_readings(actuator, series, track, row))
 
 
 def _first_loop(

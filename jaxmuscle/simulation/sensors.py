@@ -6,6 +6,7 @@ fit moves. A machine that carries none goes through here without an operation.
 
 from __future__ import annotations
 
+import dataclasses
 from functools import reduce
 
 import equinox as eqx
@@ -28,9 +29,9 @@ def without_sensor_errors(actuator: AbstractActuator) -> AbstractActuator:
 
 
 def shown_readings(
-    actuator: AbstractActuator, readings: Readings, track: Track, rows: Int[Array, " samples"]
+    actuator: AbstractActuator, readings: Readings, track: Track, row: Int[Array, ""] | int
 ) -> Readings:
-    """Readings at rows of a track as the sensors show them.
+    """Readings from a row of a track on as the sensors show them.
 
     Args:
         readings: output → values, with a leading axis of samples.
@@ -38,6 +39,7 @@ def shown_readings(
     errors = _errors(actuator)
     if not errors:
         return readings
+    rows = row + jnp.arange(len(next(iter(readings.values()))))
 
     def shown(values: Array, column: str) -> Array:
         samples, own = _samples(actuator, column, track, rows), [e for e in errors if e.column == column]
@@ -55,8 +57,10 @@ def true_track(actuator: AbstractActuator, track: Track) -> Track:
     """A measured track as it was in truth, freed of what the machine's sensors do to their readings.
 
     Rates of measured states are those of the corrected states, by the chain rule. The track itself when no
-    effect of the machine concerns a column of a measured state.
+    effect of the machine is of that kind, or when it has been freed of them.
     """
+    if track.is_true:
+        return track
     in_the_chain = (e for e in actuator.effects.values() if not isinstance(e, AbstractReadingEffect))
     # What came last goes first.
     effects: list[AbstractCorrectedEffect] = [*reversed(_errors(actuator))]
@@ -79,7 +83,7 @@ def true_track(actuator: AbstractActuator, track: Track) -> Track:
         measured[state] = _stacked([value for value, _ in pairs])
         if state in rates:
             measured[rates[state]] = _stacked([rate for _, rate in pairs])
-    return track if not effects else eqx.tree_at(lambda t: t.measured, track, measured)
+    return dataclasses.replace(track, measured=measured, is_true=True) if effects else track
 
 
 def _errors(actuator: AbstractActuator) -> list[AbstractReadingEffect]:

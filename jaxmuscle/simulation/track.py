@@ -32,6 +32,8 @@ class Track(eqx.Module):
         begins: whether a new stretch begins at a sample, with everything unmeasured at rest; `None` for a
             single one.
         widening: how many times as wide as it is dry friction is smoothed, for the first stages of a fit.
+        is_true: whether the measured states are freed of what sensors do to their readings
+            (:func:`jaxmuscle.simulation.sensors.true_track`).
     """
 
     step: Float[Array, ""]
@@ -39,6 +41,7 @@ class Track(eqx.Module):
     measured: dict[str, Float[Array, "samples ..."]]
     begins: Bool[Array, " samples"] | None = None
     widening: Float[Array, ""] | None = None
+    is_true: bool = eqx.field(static=True, default=False)
 
     def at(self, row: Array) -> State:
         """The measured states at a sample, or at several."""

@@ -13,7 +13,8 @@ from typer.testing import CliRunner, Result
 import jaxmuscle
 import jaxmuscle.diagnosis as package
 from jaxmuscle.cli import app
-from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects import CATALOGUE, FURTHER
+from jaxmuscle.effects.readings import KINDS
 from jaxmuscle.recordings import Recording
 from jaxmuscle.report.sentence import sentence
 from jaxmuscle.samples import sample
@@ -109,9 +110,10 @@ def test_a_fault_of_ours(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_effects_lists_the_whole_catalogue(run: Run) -> None:
     outcome = run("effects")
     assert outcome.exit_code == 0
-    for effect in CATALOGUE:
+    for effect in (*CATALOGUE, *FURTHER):
         line = next(line for line in outcome.stdout.splitlines() if line.startswith(effect.name + " "))
         assert effect.slot.name in line
+    assert all(f"\n{kind}_COLUMN " in outcome.stdout for kind in KINDS)
     assert ":math:" not in outcome.stdout
 
 

@@ -7,7 +7,14 @@ from effects.own import Sleeve
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.effects import ALTERNATIVE_FORMS, BY_NAME, CATALOGUE, FURTHER, AbstractStaticEffect, LoadFriction
+from jaxmuscle.effects import (
+    ALTERNATIVE_FORMS,
+    BY_NAME,
+    CATALOGUE,
+    FURTHER,
+    AbstractStaticEffect,
+    LoadFriction,
+)
 from jaxmuscle.parameters import Scalar, parameter
 
 

@@ -9,6 +9,7 @@ from oracles import bench
 from jaxmuscle.effects import (
     BY_NAME,
     CATALOGUE,
+    FURTHER,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
@@ -18,6 +19,7 @@ from jaxmuscle.signals import Past, Signals
 
 NOISE = np.random.default_rng(7).normal(0, 0.1, 32)
 SIZES = {"area": 1e-7, "delay": 1e-3, "stiffness": 100.0, "time_constant": 5e-3, "wall_stiffness": 10.0}
+SIZES |= {"half_width": 1e-3, "cubic": 1e-6}
 VELOCITIES = (0.13, 0.0, -0.13)
 
 
@@ -44,6 +46,8 @@ def situation(velocity, contraction):
         position=jnp.asarray(contraction / 0.015),
         velocity=jnp.asarray(velocity / 0.015),
         force=force,
+        pressure_reading=pressure,
+        position_reading=jnp.asarray(contraction / 0.015),
     )
 
 
@@ -70,7 +74,7 @@ def contribution(name, strength, velocity):
 
 
 @pytest.mark.parametrize("velocity", VELOCITIES)
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
 def test_slope_at_zero_strength(name, velocity):
     size = SIZES.get(BY_NAME[name].strength, 1.0)
     slope = jax.jacfwd(lambda s: contribution(name, s * size, velocity))(jnp.asarray(0.0))
@@ -85,7 +89,7 @@ def test_slope_at_zero_strength(name, velocity):
     )
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in (*CATALOGUE, *FURTHER)])
 def test_reverse_mode_agrees(name):
     size = SIZES.get(BY_NAME[name].strength, 1.0)
 

@@ -7,12 +7,13 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.actuators import Held
-from jaxmuscle.effects import AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.actuators.sensing import sensed, sensing
+from jaxmuscle.effects import CATALOGUE, FURTHER, AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.effects.base import initial_states
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.signals import Past
 
-PAIRS = [(rig, effect) for rig in bench.BLANKS for effect in bench.offered(rig)]
+PAIRS = [(rig, effect) for rig in bench.BLANKS for effect in bench.offered(rig, (*CATALOGUE, *FURTHER))]
 IDS = [f"{rig}-{effect.name}" for rig, effect in PAIRS]
 LANES, ROW = 6, 3
 RANDOM = {
@@ -36,6 +37,8 @@ SIZES = {
     "stiffness": 100.0,
     "time_constant": 0.05,
     "inverse_limit": 20.0,
+    "half_width": 1e-3,
+    "cubic": 1e-8,
 }
 SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},
@@ -81,7 +84,7 @@ def disturbed(value, noise):
 def outcome(actuator, rig, state, table, noise):
     """Rates of the machine's own states, readings, and the largest of what the effects add."""
     bare = actuator.without_effects(*actuator.effects)
-    before = bare.signals(state, held(rig, table, {}))
+    before = sensing(actuator, bare.signals(state, held(rig, table, {})))
     states, memory = initial_states(actuator.effects, before)
     states, memory = disturbed(states, noise), disturbed(memory, noise)
     for name, effect in actuator.effects.items():
@@ -90,9 +93,8 @@ def outcome(actuator, rig, state, table, noise):
     situation = held(rig, table, memory)
     state = {**state, "effects": states}
     rates = actuator.vector_field(state, situation)
-    return {n: r for n, r in rates.items() if n != "effects"}, actuator.readings(
-        actuator.signals(state, situation)
-    )
+    readings = sensed(actuator, actuator.signals(state, situation), {**states, **memory})
+    return {n: r for n, r in rates.items() if n != "effects"}, readings
 
 
 def assert_identical(left, right):
@@ -127,7 +129,7 @@ def test_changes_something_otherwise(rig, effect):
 
 @pytest.mark.parametrize("rig", bench.BLANKS)
 def test_all_at_zero_strength_change_nothing_when_compiled(rig):
-    names = [effect.name for effect in bench.offered(rig)]
+    names = [effect.name for effect in bench.offered(rig, (*CATALOGUE, *FURTHER))]
     state = drawn(rig, 0)
     bare = jax.jit(lambda lane: outcome(bench.model(rig), rig, *lane))(state)
     carrying = jax.jit(lambda lane: outcome(bench.model(rig, names), rig, *lane))(state)
