@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -11,10 +9,9 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.result import Error
-from jaxmuscle.estimation.residuals import evaluate_chain
+from jaxmuscle.estimation.residuals import evaluate_chain, freed
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.recordings.smoothing import WINDOWS
-from jaxmuscle.simulation.sensors import true_track
 
 REACH = max(WINDOWS) // 2
 """Samples after the beginning that may speak: no more than smoothing has used."""
@@ -37,7 +34,7 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     :data:`REACH` samples, with the smoothed velocity as a prior. Rigs whose velocity is imposed stay as
     they are.
     """
-    whole = dataclasses.replace(case.problem, track=true_track(model, case.problem.track))
+    whole = freed(case.problem, model)
     rows = np.asarray(whole.rows)
     for name in model.derivatives:
         if name in model.imposed or np.ndim(case.observed.track.measured[name]) != 1:

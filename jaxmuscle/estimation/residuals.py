@@ -163,7 +163,13 @@ def moved(
         problem = dataclasses.replace(problem, begin={**problem.begin, **begin})
     machine = machine.with_effects(**offsets) if offsets else machine
     # Here already, so that those who move a state at a window's beginning move the one that it begins with.
-    return machine, dataclasses.replace(problem, track=true_track(machine, problem.track))
+    return machine, freed(problem, machine)
+
+
+def freed(problem: Problem, actuator: AbstractActuator) -> Problem:
+    """With measured states freed of what the machine's sensors do to their readings; itself if nothing."""
+    track = true_track(actuator, problem.track)
+    return problem if track is problem.track else dataclasses.replace(problem, track=track)
 
 
 def residual_vector(

@@ -1,6 +1,7 @@
 """Errors of the sensor of a column: shown and corrected, on whole runs, in residuals, on cards."""
 
 import pickle
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,11 +12,11 @@ from oracles import bench
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.effects import BY_NAME, CATALOGUE, effect_named, reading_effect, reading_effects
+from jaxmuscle.effects import BY_NAME, CATALOGUE, effect_named, reading_effects
 from jaxmuscle.effects.readings import KINDS, Samples
 from jaxmuscle.estimation.residuals import moved, residuals
 from jaxmuscle.estimation.windows import case
-from jaxmuscle.parameters import parameters
+from jaxmuscle.parameters import get, parameters
 from jaxmuscle.simulation.sensors import shown_readings, true_track, without_sensor_errors
 
 STEP, ROWS = 2e-3, 60
@@ -24,6 +25,11 @@ SIZES = {"sensor_gain": 0.02, "sensor_offset": 3e3, "sensor_drift": 1500.0, "clo
 NOISE = {"pressure": 300.0, "position": 5e-5}
 TIME = np.arange(ROWS) * STEP
 PRESSURE = bench.AMBIENT + 2e5 + 1e5 * np.sin(2 * np.pi * 6 * TIME)
+
+
+def named(name) -> Any:
+    """The class of an error that there is."""
+    return effect_named(name)
 
 
 def samples(rows=ROWS, begins=()):
@@ -35,7 +41,7 @@ def samples(rows=ROWS, begins=()):
 
 
 def error(kind, size, column="pressure"):
-    return reading_effect(kind, column)(**{KINDS[kind].strength: size})
+    return named(f"{kind}_{column}")(**{KINDS[kind].strength: size})
 
 
 def shown_by_hand(kind, size, values, time, zero):
@@ -136,7 +142,7 @@ def lifted(**errors):
     readings = jm.simulate(machine, command, time).readings
     columns = {"command": command} | {name: np.asarray(readings[name]) for name in NOISE}
     for name, size in errors.items():
-        kind, column = effect_named(name).kind, effect_named(name).column
+        kind, column = named(name).kind, named(name).column
         zero = bench.AMBIENT if column == "pressure" else 0.0
         columns[column] = shown_by_hand(kind, size, columns[column], time, zero)
     return machine, jm.recording(machine, columns, STEP, noise=NOISE, horizon=0.3)
@@ -156,7 +162,7 @@ LIFTED = {
 
 def carrying(machine, **errors):
     """The machine with errors of these sizes: name → size."""
-    kinds = {name: effect_named(name) for name in errors}
+    kinds = {name: named(name) for name in errors}
     return machine.with_effects(**{n: kinds[n](**{kinds[n].strength: size}) for n, size in errors.items()})
 
 
@@ -253,7 +259,7 @@ def test_a_simulation_shows_what_its_sensors_show():
     true = jm.simulate(machine, command, time).readings
     for name, size in LIFTED.items():
         shown = jm.simulate(with_all(machine, **{name: size}), command, time).readings
-        column, kind = effect_named(name).column, effect_named(name).kind
+        column, kind = named(name).column, named(name).kind
         zero = bench.AMBIENT if column == "pressure" else 0.0
         by_hand = shown_by_hand(kind, size, np.asarray(true[column]), time, zero)
         near = 2e-3 * np.ptp(true[column]) if kind == "clock_offset" else 0.0
@@ -280,8 +286,8 @@ class Proportional(eqx.Module):
     def start(self):
         return jnp.zeros(())
 
-    def update(self, state, reference, readings, step):
-        return state, bench.AMBIENT + 2.5e5 + 1e5 * (reference - readings["angle"]) * jnp.array([1.0, -1.0])
+    def update(self, state, wanted, readings, step):
+        return state, bench.AMBIENT + 2.5e5 + 1e5 * (wanted - readings["angle"]) * jnp.array([1.0, -1.0])
 
 
 def test_a_controller_sees_what_the_sensors_show():
@@ -309,7 +315,7 @@ def test_cards_and_files_know_them(tmp_path):
     assert jm.Card.from_toml(card.to_toml()) == card
     later = card.updated(effects={"sensor_drift_force": {"rate": (0.1, 0.02)}})
     again = jm.Card.from_toml(later.to_toml())
-    assert float(jm.actuator(again).effects["sensor_drift_force"].rate) == pytest.approx(0.1)
+    assert float(get(jm.actuator(again), "effects.sensor_drift_force.rate")) == pytest.approx(0.1)
     assert again.effects["sensor_drift_force"]["rate"].unit == "N/s"
     for wrong, told in {
         "sensor_offset_presure": "no signal column presure",

@@ -1,5 +1,7 @@
 """One card, one command and one package model for each rig, shared by the comparisons with the oracles."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -150,7 +152,8 @@ def model(rig, carried=(), **declared):
     quantities = RIGS[rig].quantities
     bare = replace(BLANKS[rig], {quantities[name]: value for name, value in CARDS[rig].items()})
     values = {name: declared.get(name, {}) for name in (*carried, *declared)}
-    return bare.with_effects(**{name: effect_named(name)(**value) for name, value in values.items()})
+    kinds: dict[str, Any] = {name: effect_named(name) for name in values}
+    return bare.with_effects(**{name: kinds[name](**value) for name, value in values.items()})
 
 
 def offered(rig, effects=CATALOGUE):
