@@ -39,7 +39,8 @@ def parameter(
 
     Args:
         unit: SI unit as pint reads it; ``{load}`` and ``{motion}`` stand for the units of the load and
-            of its position in the rig at hand (N and m, or N m and rad).
+            of its position in the rig at hand (N and m, or N m and rad), ``{column force}`` and
+            ``{rate force}`` for those of a column and of its rate.
         meaning: one line in the words of the field.
         default: value when none is given.
         positive: kept above zero by every fit.
@@ -115,7 +116,7 @@ class Parameter(Declaration):
 
 def parameters(model: eqx.Module) -> dict[str, Parameter]:
     """Every parameter of `model` by its dotted path, in the order of declaration."""
-    units = getattr(model, "units", {})
+    units = getattr(model, "unit_templates", getattr(model, "units", {}))
     return {entry.path: entry for entry in _walk(model, "", units)}
 
 

@@ -35,6 +35,8 @@ PRESSURE_RATE = Slot("pressure_rate", "Pa/s")
 MUSCLE_FORCE = Slot("muscle_force", "N")
 LOAD = Slot("load", "{load}")
 FORCE_READING = Slot("force_reading", "N")
+PRESSURE_READING = Slot("pressure_reading", "Pa")
+POSITION_READING = Slot("position_reading", "{motion}")
 
 SLOTS = (
     COMMAND,
@@ -47,6 +49,8 @@ SLOTS = (
     MUSCLE_FORCE,
     LOAD,
     FORCE_READING,
+    PRESSURE_READING,
+    POSITION_READING,
 )
 
 
@@ -112,6 +116,9 @@ class Signals(eqx.Module):
     force: Any = None  # N, what the force sensor is loaded with
     force_reading: Any = None  # N, what the force sensor shows
     found: Mapping[str, Any] = eqx.field(default_factory=dict)  # effect with a state → its slot before it
+    # What the sensors of pressure [Pa, absolute] and of the motion [m or rad] show, where an effect asks.
+    pressure_reading: Any = None
+    position_reading: Any = None
 
     @property
     def gauge_pressure(self) -> Muscles:

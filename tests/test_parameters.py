@@ -140,6 +140,8 @@ def test_what_effects_add_has_the_unit_of_the_signal(rig):
         "muscle_force": UNITS.newton,
         "load": load_of(rig),
         "force_reading": UNITS.newton,
+        "pressure_reading": UNITS.pascal,
+        "position_reading": UNITS.parse_units(RIGS[rig].units["motion"]),
     }
     slots = {effect.slot for effect in bench.offered(rig)}
     assert {slot.name for slot in SLOTS} == set(units) and slots <= set(SLOTS) and slots

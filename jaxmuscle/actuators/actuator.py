@@ -10,8 +10,19 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
-from jaxmuscle.actuators.variables import Column, Link, StateVariable, Variable, class_variables, rate_unit
-from jaxmuscle.effects.base import BY_NAME, AbstractEffect, States, filled
+from jaxmuscle.actuators.sensing import reading_slots
+from jaxmuscle.actuators.variables import (
+    Column,
+    Link,
+    StateVariable,
+    Variable,
+    class_variables,
+    column_units,
+    rate_unit,
+)
+from jaxmuscle.effects.base import AbstractEffect, States, filled
+from jaxmuscle.effects.names import effect_named
+from jaxmuscle.effects.readings import column_signal, measured_columns
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import get
 from jaxmuscle.signals import Past, Signals, Slot
@@ -110,6 +121,7 @@ class AbstractActuator(eqx.Module):
 
     Class variables that follow:
         columns: column of a recording → its unit.
+        unit_templates: what a unit of a parameter may name: `units`, and ``column NAME`` and ``rate NAME``.
         states: state → what is declared of it; rates of measured states too.
         commands: columns of the command, one or one a muscle.
         measured: state → column(s) that measure it.
@@ -130,6 +142,7 @@ class AbstractActuator(eqx.Module):
     largest_step: ClassVar[float]
     channel: ClassVar[ControlChannel | None] = None
     columns: ClassVar[Mapping[str, Column]] = {}
+    unit_templates: ClassVar[Mapping[str, str]] = {}
     states: ClassVar[Mapping[str, StateVariable]] = {}
     commands: ClassVar[tuple[str, ...]]
     measured: ClassVar[Mapping[str, tuple[str, ...]]]
@@ -157,6 +170,8 @@ class AbstractActuator(eqx.Module):
             )
         for name, value in found.items():
             setattr(cls, name, value)
+        if hasattr(cls, "units"):
+            cls.unit_templates = {**cls.units, **column_units(cls.columns.values())}
         if cls.channel is not None and hasattr(cls, "outputs"):
             cls.channel = cls.channel.checked(cls.__name__, cls.units, cls.outputs, len(cls.commands), paths)
 
@@ -262,12 +277,27 @@ class AbstractActuator(eqx.Module):
     @classmethod
     def offers(cls, effect: type[AbstractEffect]) -> bool:
         """Whether this rig has the signals that an effect reads."""
-        return effect.reads <= cls.available
+        return effect.reads <= cls.readable()
+
+    @classmethod
+    def reading_slots(cls) -> dict[Slot, str]:
+        """Slot of the reading of pressure, and of that of the motion → the output that it is."""
+        return reading_slots(cls.outputs, cls.columns, cls.units.get("motion"))
+
+    @classmethod
+    def readable(cls) -> frozenset[str]:
+        """All that an effect may read here: `available`, readings of the chain, measured columns."""
+        columns = {column_signal(column) for column in measured_columns(cls)}
+        return cls.available | {slot.name for slot in cls.reading_slots()} | columns
 
     @classmethod
     def effect_named(cls, name: str) -> type[AbstractEffect]:
-        """The class of the registered effect `name` that this rig offers; without one, its first form."""
-        first = BY_NAME[name]
+        """The class of the effect `name` that this rig offers; without one, its first form.
+
+        `KeyError` when no effect has that name.
+        """
+        if (first := effect_named(name)) is None:
+            raise KeyError(name)
         return next((form for form in (first, *first.forms) if cls.offers(form)), first)
 
     def _with(self, signals: Signals, slot: Slot, value: Array, states: States) -> Signals:

@@ -140,6 +140,13 @@ def rate_unit(unit: str) -> str:
     return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit}/s"
 
 
+def column_units(columns: Iterable[Column]) -> dict[str, str]:
+    """Units of columns and of their rates, as units of parameters name them: ``{column force}``."""
+    columns = tuple(columns)
+    rates = {f"rate {column.name}": rate_unit(column.unit) for column in columns}
+    return {**{f"column {column.name}": column.unit for column in columns}, **rates}
+
+
 def class_variables(
     rig: str, variables: tuple[Variable, ...], units: Mapping[str, str], paths: set[str]
 ) -> dict[str, Any]:

@@ -14,10 +14,12 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.sensing import sensed
 from jaxmuscle.effects.base import STICKING_TIME, States
 from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation import Track, start_at_rest
+from jaxmuscle.simulation.sensors import shown_readings
 
 Packed = Float[Array, " states"]
 Readings = Float[Array, " readings"]
@@ -69,9 +71,13 @@ class Situation(eqx.Module):
         return ravel_pytree({name: jax.tree.map(jnp.add, rates[name], back[name]) for name in free})[0]
 
     def readings(self, actuator: AbstractActuator, packed: Packed, command: Array) -> Readings:
-        """All readings as one vector, in the order of the rig's outputs."""
+        """All readings as one vector, in the order of the rig's outputs, as sensors show them at first."""
         state = {**self.unpack(packed), **self.held}
-        shown = actuator.readings(actuator.signals(state, steady(actuator, command, self.memory)))
+        signals = actuator.signals(state, steady(actuator, command, self.memory))
+        readings = sensed(actuator, signals, {**state.get("effects", {}), **self.memory})
+        begin = Track(jnp.asarray(1.0), command[None], {})
+        series = {name: values[None] for name, values in readings.items()}
+        shown = shown_readings(actuator, series, begin, 0)
         return jnp.concatenate([jnp.ravel(shown[name]) for name in actuator.outputs])
 
     def output(self, actuator: AbstractActuator, column: str) -> int:

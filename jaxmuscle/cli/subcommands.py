@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -163,23 +164,30 @@ def _print_fit(result: FitResult, files: list[Path]) -> None:
 
 
 def effects() -> None:
-    """List the effects: name, signal, rigs that offer it, meaning, source.
+    """List the effects that a diagnosis tries: name, signal, rigs that offer it, meaning, source.
 
-    A diagnosis tries those above the empty line. Cards may declare all.
+    Below them those that only a card or ``catalogue=`` names, errors of sensors (of any COLUMN) last.
     """
     import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
     from jaxmuscle.actuators import RIGS
-    from jaxmuscle.effects import CATALOGUE, FURTHER
+    from jaxmuscle.effects import CATALOGUE, FURTHER, AbstractEffect
+    from jaxmuscle.effects.readings import KINDS
     from jaxmuscle.formatting import meaning
 
-    table = Table("name", "signal", "rigs", "meaning", "source", box=None, pad_edge=False)
-    table.columns[0].no_wrap = table.columns[1].no_wrap = True
-    for effect in (*CATALOGUE, *FURTHER):
-        if effect is FURTHER[0]:
-            table.add_row()
-        rigs = ", ".join(name for name, rig in RIGS.items() if effect.reads <= rig.available)
-        table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
-    output().print(table)
+    def listed(effects: Iterable[type[AbstractEffect]]) -> Table:
+        table = Table("name", "signal", "rigs", "meaning", "source", box=None, pad_edge=False)
+        table.columns[0].no_wrap = table.columns[1].no_wrap = True
+        for effect in effects:
+            rigs = ", ".join(name for name, rig in RIGS.items() if rig.offers(effect))
+            table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
+        return table
+
+    output().print(listed(CATALOGUE))
+    output().print("\nDeclared by a card, or named in diagnose(catalogue=...):\n")
+    further = listed(FURTHER)
+    for kind, effect in KINDS.items():
+        further.add_row(f"{kind}_COLUMN", "COLUMN_reading", "all", meaning(effect.__doc__), effect.source)
+    output().print(further)
 
 
 def sweep(

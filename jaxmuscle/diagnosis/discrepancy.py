@@ -14,11 +14,13 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.actuators.sensing import sensed
 from jaxmuscle.actuators.variables import Link, rate_unit
 from jaxmuscle.estimation.padding import longer_track
 from jaxmuscle.estimation.windows import Case, bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
+from jaxmuscle.simulation.sensors import shown_readings, true_track
 
 Series = NDArray[np.float64]
 Arrays = dict[str, Array]
@@ -74,15 +76,17 @@ def rates_and_readings(
 def _rates_and_readings(
     model: AbstractActuator, track: Track, samples: int, substeps: int
 ) -> tuple[Arrays, Arrays]:
+    track = true_track(model, track)
     hidden = observe(model, track, samples, substeps)
 
     def instant(row, start):
         state = {**start.state, **track.at(row)}
         held = held_at(model, track, row, start.memory)
-        signals = model.signals(state, held)
-        return model.vector_field(state, held), model.readings(signals)
+        states = {**state.get("effects", {}), **start.memory}
+        return model.vector_field(state, held), sensed(model, model.signals(state, held), states)
 
     rates, readings = jax.vmap(instant)(jnp.arange(samples), hidden)
+    readings = shown_readings(model, readings, track, 0)
     return {name: rates[name] for name in (*model.measured, *model.derivatives)}, readings
 
 

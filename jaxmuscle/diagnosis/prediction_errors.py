@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.result import Error
-from jaxmuscle.estimation.residuals import evaluate_chain
+from jaxmuscle.estimation.residuals import evaluate_chain, freed
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.recordings.smoothing import WINDOWS
 
@@ -34,7 +34,7 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     :data:`REACH` samples, with the smoothed velocity as a prior. Rigs whose velocity is imposed stay as
     they are.
     """
-    whole = case.problem
+    whole = freed(case.problem, model)
     rows = np.asarray(whole.rows)
     for name in model.derivatives:
         if name in model.imposed or np.ndim(case.observed.track.measured[name]) != 1:

@@ -8,7 +8,6 @@ from jaxmuscle.effects.base import (
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
-    is_registered,
     register,
 )
 from jaxmuscle.effects.command import CommandDelay, DeadBand, RateLimit, SpoolHysteresis, ValveOffset
@@ -21,7 +20,7 @@ from jaxmuscle.effects.friction import (
     ThreadFriction,
 )
 from jaxmuscle.effects.gas import ChamberLeak, DeadVolume, GasHeating, LineLag, SupplyDroop
-from jaxmuscle.effects.load import EndStop, ForceSensorLag, Gravity, LoadDamping
+from jaxmuscle.effects.load import EndStop, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
     BladderStiffness,
@@ -31,6 +30,9 @@ from jaxmuscle.effects.muscle import (
     PressureDependentEnds,
     WallThickness,
 )
+from jaxmuscle.effects.names import effect_named, is_registered, names_on
+from jaxmuscle.effects.readings import AbstractReadingEffect, reading_effect, reading_effects
+from jaxmuscle.effects.sensors import Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
 from jaxmuscle.effects.transmission import EccentricSprocket, ElasticTendon
 from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis
 
@@ -70,6 +72,9 @@ FURTHER: tuple[type[AbstractEffect], ...] = (
     LineLag,
     DeadVolume,
     GasHeating,
+    PressureSensorLag,
+    ForceSensorNonlinearity,
+    Backlash,
 )
 """Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`."""
 
@@ -87,7 +92,9 @@ __all__ = [
     "AbstractEffect",
     "AbstractMemoryEffect",
     "AbstractRateEffect",
+    "AbstractReadingEffect",
     "AbstractStaticEffect",
+    "Backlash",
     "BladderHoopStiffness",
     "BladderStiffness",
     "BoucWen",
@@ -102,6 +109,7 @@ __all__ = [
     "EndStop",
     "ForceDrift",
     "ForceSensorLag",
+    "ForceSensorNonlinearity",
     "FrameValveHysteresis",
     "GasHeating",
     "Gravity",
@@ -113,6 +121,7 @@ __all__ = [
     "Presliding",
     "PressureDependentEnds",
     "PressureDependentFriction",
+    "PressureSensorLag",
     "RateLimit",
     "SpoolHysteresis",
     "Stribeck",
@@ -121,6 +130,10 @@ __all__ = [
     "ValveHysteresis",
     "ValveOffset",
     "WallThickness",
+    "effect_named",
     "is_registered",
+    "names_on",
+    "reading_effect",
+    "reading_effects",
     "register",
 ]

@@ -27,7 +27,9 @@ class AbstractEffect(eqx.Module):
     """Common to all effects.
 
     Class variables:
-        name: the name that cards and results use.
+        name: the name that cards use.
+        kind: the name that results use: `name` unless it is one error of a sensor for each column.
+        column: the column whose sensor it is an error of; `None` of other effects.
         slot: the signal it adds to.
         reads: names of the signals that it needs; it is offered only to rigs that have them.
         strength: the parameter at whose zero value the addition is exactly zero.
@@ -39,6 +41,8 @@ class AbstractEffect(eqx.Module):
     """
 
     name: ClassVar[str]
+    kind: ClassVar[str]
+    column: ClassVar[str | None] = None
     slot: ClassVar[Slot]
     reads: ClassVar[frozenset[str]]
     strength: ClassVar[str]
@@ -46,6 +50,13 @@ class AbstractEffect(eqx.Module):
     source: ClassVar[str]
     stage: ClassVar[int] = 0
     forms: ClassVar[tuple[type[AbstractEffect], ...]] = ()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Without a kind of its own a class with a name is of the kind of that name."""
+        super().__init_subclass__(**kwargs)
+        own = vars(cls)
+        if "name" in own and "kind" not in own:
+            cls.kind = own["name"]
 
 
 class AbstractStaticEffect(AbstractEffect):
@@ -347,9 +358,3 @@ def register(effect: Effect) -> Effect:
         )
     BY_NAME[effect.name] = effect
     return effect
-
-
-def is_registered(name: str, effect: AbstractEffect) -> bool:
-    """Whether a card that names `name` means an effect of this very class, on a rig that offers it."""
-    known = BY_NAME.get(name)
-    return known is not None and type(effect) in (known, *known.forms)

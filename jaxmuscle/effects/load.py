@@ -1,4 +1,4 @@
-"""Effects of the load and of its sensor: viscous damping, gravity, an end stop, lag of the force reading."""
+"""Effects of the load: viscous damping, gravity, an end stop."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.components.cylinder import pressing
-from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import AbstractStaticEffect
 from jaxmuscle.parameters import Scalar, parameter
-from jaxmuscle.signals import FORCE_READING, LOAD, Signals
+from jaxmuscle.signals import LOAD, Signals
 
 
 class LoadDamping(AbstractStaticEffect):
@@ -83,36 +83,3 @@ class EndStop(AbstractStaticEffect):
         side = jnp.where(self.position < 0, -1.0, 1.0)
         depth, speed = side * (signals.position - self.position), side * signals.velocity
         return -side * pressing(depth, speed, self.stiffness, self.damping, STOP_WIDTH)
-
-
-class ForceSensorLag(AbstractMemoryEffect):
-    r"""First-order lag of the force reading: :math:`τ \dot y = F - y`; the addition is y - F.
-
-    Exact for a force that is linear over the step, so that a zero time constant leaves the reading as it
-    is and the derivative there is -Ḟ.
-    """
-
-    name: ClassVar = "force_sensor_lag"
-    slot: ClassVar = FORCE_READING
-    reads: ClassVar = frozenset({"force"})
-    strength: ClassVar = "time_constant"
-    starts: ClassVar = ({},)
-    source: ClassVar = "first-order lag, first-order hold"
-
-    time_constant: Scalar = parameter(
-        "s", "time constant of the force reading", default=0.0, nonnegative=True
-    )
-
-    def initial(self, signals: Signals) -> tuple[Array, Array]:
-        return jnp.zeros_like(signals.force), signals.force
-
-    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
-        error, before = memory
-        active = self.time_constant > 0
-        tau = jnp.where(active, self.time_constant, 1.0)
-        fading = jnp.where(active, jnp.exp(-step / tau), 0.0)
-        ramp = self.time_constant * (signals.force - before) / step
-        return fading * error - ramp * (1 - fading), signals.force
-
-    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
-        return memory[0]

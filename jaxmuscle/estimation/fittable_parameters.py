@@ -12,10 +12,12 @@ from jaxtyping import Array
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.parameter_names import OFFSET, START, known_names
 from jaxmuscle.parameters import Parameter, entries_of
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, start_at_rest
+from jaxmuscle.simulation.sensors import true_track
 
 
 def fittable(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str, Parameter]:
@@ -25,7 +27,7 @@ def fittable(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[st
         ranges: measured column → range of its samples (SI); the natural size of its offset is 1 % of it.
     """
     found = known_names(actuator)
-    for column in columns(actuator):
+    for column in measured_columns(actuator):
         found[OFFSET + column] = Parameter(
             path=OFFSET + column,
             value=0.0,
@@ -34,13 +36,6 @@ def fittable(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[st
             typical=0.01 * ranges.get(column, 0.0) or None,
         )
     return found
-
-
-def columns(actuator: AbstractActuator) -> tuple[str, ...]:
-    """Every column that a sensor measures, commands apart."""
-    groups = (*actuator.measured.values(), *actuator.outputs.values())
-    names = dict.fromkeys(name for group in groups for name in group)
-    return tuple(name for name in names if name not in actuator.commands)
 
 
 def range_of(readings: NDArray[np.float64]) -> float:
@@ -79,7 +74,8 @@ def _resting(actuator: AbstractActuator, recording: Recording) -> dict[str, Arra
     measured = first | {rate: jnp.zeros_like(first[base]) for rate, base in actuator.derivatives.items()}
     command = _first(recording, actuator.commands) if actuator.commands else jnp.zeros(())
     rows = {name: value[None] for name, value in measured.items()}
-    start = start_at_rest(actuator, Track(jnp.asarray(recording.step), command[None], rows))
+    track = true_track(actuator, Track(jnp.asarray(recording.step), command[None], rows))
+    start = start_at_rest(actuator, track)
     states: dict[str, Array] = {name: v for name, v in start.state.items() if name != "effects"}
     effects: Mapping[str, object] = {**start.state["effects"], **start.memory}
     states |= {name: v for name, v in effects.items() if _numbers(v)}  # pyright: ignore

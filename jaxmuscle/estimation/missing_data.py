@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.estimation.fittable_parameters import columns
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.smoothing import quantisation_step
 
@@ -173,7 +173,7 @@ def noise_of_readings(
 
 
 def _bad(actuator: AbstractActuator, recording: Recording, mask: Mask | None) -> dict[str, Rows]:
-    sensors = columns(actuator)
+    sensors = measured_columns(actuator)
     masks = mask if isinstance(mask, Mapping) else {} if mask is None else dict.fromkeys(sensors, mask)
     for column in masks:
         if column not in sensors:

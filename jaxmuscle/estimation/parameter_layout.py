@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.fittable_parameters import columns, fittable, range_of, start_places
+from jaxmuscle.estimation.fittable_parameters import fittable, range_of, start_places
 from jaxmuscle.estimation.free_parameters import HALF, Prior, Unknown, Unknowns
 from jaxmuscle.estimation.request import Asked, Bounds, read_bounds, read_prior
 from jaxmuscle.parameter_names import START, expanded, of_machine, resolve
@@ -265,5 +266,5 @@ def _named(known, chosen, single, given, where, read) -> dict:
 def _ranges(actuator: AbstractActuator, recordings: Sequence[Recording]) -> dict[str, float]:
     return {
         column: max(range_of(recording.columns[column]) for recording in recordings)
-        for column in columns(actuator)
+        for column in measured_columns(actuator)
     }

@@ -18,7 +18,7 @@ from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residual_analysis import Series
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import evaluate_chain, moved
-from jaxmuscle.parameter_names import OFFSET, of_machine
+from jaxmuscle.parameter_names import of_machine
 from jaxmuscle.recordings.smoothing import noise_level
 
 
@@ -32,8 +32,8 @@ def predictions(
     """Recording → table over time of every output's column: measured, fitted, its deviation, predicted.
 
     ``fitted`` comes from the links, each with its measured inputs; ``predicted`` from the command alone,
-    window by window. Both as the sensor shows it, offset included. ``std`` is what a reading is expected to
-    deviate from ``fitted`` by: the parameters' uncertainty, that of the states where windows begin, and
+    window by window. Both as the sensor shows it, its errors included. ``std`` is what a reading is expected
+    to deviate from ``fitted`` by: the parameters' uncertainty, that of the states where windows begin, and
     the sensor's noise, or the size of the residuals (of 95 % of them) where that is larger.
     """
     found = {}
@@ -46,17 +46,15 @@ def predictions(
             if not of_machine(objective.unknowns.entries[i].place.path)
         }
         shifts = [jnp.asarray(x) for x in beside.values()]
-        _, problem = moved(machines[number], station.problem, list(beside), shifts)
-        chain = evaluate_chain(machines[number], problem)
+        chain = evaluate_chain(*moved(machines[number], station.problem, list(beside), shifts))
         layout = station.layout
         table: dict[str, NDArray[np.float64]] = {}
         for line in (line for line in lines if line.recording == number):
-            offset = beside.get(OFFSET + line.column, 0.0)
             weights = _column(layout, line, station.problem.weights)
             flat = _column(layout, line, chain)
             predicted, fitted, std = (np.full(len(recording), np.nan) for _ in range(3))
             inside = weights > 0
-            predicted[layout.rows[inside]] = flat[inside] + offset
+            predicted[layout.rows[inside]] = flat[inside]
             scale = np.full(len(recording), np.nan)
             scale[layout.rows[inside]] = weights[inside]
             measured = recording.columns[line.column]

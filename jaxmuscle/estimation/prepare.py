@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation import request
 from jaxmuscle.estimation.dataset import aligned, station
-from jaxmuscle.estimation.fittable_parameters import columns
 from jaxmuscle.estimation.free_parameters import Prior, Unknowns
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing_data import Mask, noise_of_readings
@@ -130,7 +130,7 @@ def begun_at(
 
 
 def _checked(actuator: AbstractActuator, noise: Mapping[str, float]) -> dict[str, float]:
-    sensors = {column: column for column in columns(actuator)}
+    sensors = {column: column for column in measured_columns(actuator)}
     for column, level in noise.items():
         if column not in sensors:
             raise InputError(f"noise: unknown column {column!r}; expected one of {', '.join(sensors)}")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Link
+from jaxmuscle.effects.readings import reading_effect
 from jaxmuscle.estimation.jacobian import Leaves, Traced, slopes_of
 from jaxmuscle.estimation.padding import in_buckets, without_padding
 from jaxmuscle.estimation.windows import Problem, Residuals
@@ -25,6 +26,7 @@ from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace, split_index
 from jaxmuscle.simulation import Start, observe, predict, start_at_rest, with_states
 from jaxmuscle.simulation.run import Derivatives
+from jaxmuscle.simulation.sensors import true_track
 
 
 class Stepping(NamedTuple):
@@ -62,7 +64,7 @@ def link_prediction(
     """The output of one link, its inputs as measured and the states that are not from `hidden`."""
     return predict(
         actuator,
-        _begun(problem).track,
+        _begun(actuator, problem).track,
         problem.rows,
         samples=problem.samples,
         imposed=(*link.imposed, *(n for n in actuator.imposed if n not in link.imposed)),
@@ -75,7 +77,7 @@ def link_prediction(
 
 def hidden_states(actuator: AbstractActuator, problem: Problem, stepping: Stepping = USUAL) -> Start:
     """The states that are not measured, carried along the recording from rest, or from what `begin` says."""
-    track = _begun(problem).track
+    track = _begun(actuator, problem).track
     own = {p: value for p, value in problem.begin.items() if split_index(p)[0] not in track.measured}
     start = with_states(start_at_rest(actuator, track), own)
     steps = stepping.between_samples(problem)
@@ -84,7 +86,7 @@ def hidden_states(actuator: AbstractActuator, problem: Problem, stepping: Steppi
 
 def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Every output predicted from the command alone, window by window."""
-    hidden, problem = hidden_states(actuator, problem), _begun(problem)
+    hidden, problem = hidden_states(actuator, problem), _begun(actuator, problem)
     return predict(
         actuator,
         problem.track,
@@ -96,14 +98,15 @@ def chain_predictions(actuator: AbstractActuator, problem: Problem) -> Residuals
     )
 
 
-def _begun(problem: Problem) -> Problem:
-    """With the measured states of the first sample as `begin` says."""
-    measured = dict(problem.track.measured)
+def _begun(actuator: AbstractActuator, problem: Problem) -> Problem:
+    """With the measured states freed of sensors' errors, those of the first sample as `begin` says."""
+    track = true_track(actuator, problem.track)
+    measured = dict(track.measured)
     for path, value in problem.begin.items():
         name, index = split_index(path)
         if name in measured:
             measured[name] = measured[name].at[(0, *(index or ()))].set(value)
-    return eqx.tree_at(lambda p: p.track.measured, problem, measured)
+    return dataclasses.replace(problem, track=dataclasses.replace(track, measured=measured))
 
 
 BROKEN = 1e4
@@ -143,24 +146,30 @@ def moved(
 ) -> tuple[AbstractActuator, Problem]:
     """The machine and the problem with the given values (SI) at the paths.
 
-    The offset of a sensor is taken off what it measured, which is both the target and the measured state
-    from which windows begin or which is imposed. A state at the first sample takes the place of what was
+    The offset of a sensor is an effect of the machine (:class:`SensorOffset`) like those of a card or of a
+    diagnosis: what it measured is freed of it where it is a state from which windows begin or which is
+    imposed, and predictions of its readings have it. A state at the first sample takes the place of what was
     measured there, or of rest.
     """
     given = dict(zip(paths, values, strict=True))
     machine = replace(actuator, {path: v for path, v in given.items() if of_machine(path)})
-    offsets = {path.removeprefix(OFFSET): v for path, v in given.items() if path.startswith(OFFSET)}
+    offsets = {
+        path: reading_effect("sensor_offset", path.removeprefix(OFFSET))(**{"offset": value})
+        for path, value in given.items()
+        if path.startswith(OFFSET)
+    }
     begin = {path.removeprefix(START): v for path, v in given.items() if path.startswith(START)}
     if begin:
         problem = dataclasses.replace(problem, begin={**problem.begin, **begin})
-    if not offsets:
-        return machine, problem
-    measured, targets = dict(problem.track.measured), dict(problem.targets)
-    for state, columns in actuator.measured.items():
-        measured[state] = measured[state] - _stacked(columns, offsets)
-    for output, columns in actuator.outputs.items():
-        targets[output] = targets[output] - _stacked(columns, offsets)
-    return machine, eqx.tree_at(lambda p: (p.track.measured, p.targets), problem, (measured, targets))
+    machine = machine.with_effects(**offsets) if offsets else machine
+    # Here already, so that those who move a state at a window's beginning move the one that it begins with.
+    return machine, freed(problem, machine)
+
+
+def freed(problem: Problem, actuator: AbstractActuator) -> Problem:
+    """With measured states freed of what the machine's sensors do to their readings; itself if nothing."""
+    track = true_track(actuator, problem.track)
+    return problem if track is problem.track else dataclasses.replace(problem, track=track)
 
 
 def residual_vector(
@@ -271,8 +280,3 @@ def _block(slopes: Array | None, reached: NDArray[np.bool_], values: Array) -> A
     """Derivatives of one link by every value, zero by those that do not act on it."""
     block = jnp.zeros((len(reached), *values.shape))
     return block if slopes is None else block.at[np.flatnonzero(reached)].set(slopes)
-
-
-def _stacked(columns: Sequence[str], offsets: dict[str, Array]) -> Array:
-    values = [offsets.get(column, jnp.zeros(())) for column in columns]
-    return values[0] if len(values) == 1 else jnp.stack(values, axis=-1)

@@ -14,7 +14,7 @@ import pandas as pd
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.effects import BY_NAME, is_registered
+from jaxmuscle.effects import effect_named, is_registered
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.losses import Huber, Loss, Squares, Student
 from jaxmuscle.parameter_names import of_effect, split_effect
@@ -90,7 +90,7 @@ def machine(data: Mapping[str, Any], file: Path) -> AbstractActuator:
         raise InputError(
             f"{file}: rig {data['rig']!r} is unknown; if it is your own, import and register it first"
         )
-    if unknown := [name for name in data["effects"] if name not in BY_NAME]:
+    if unknown := [name for name in data["effects"] if effect_named(name) is None]:
         raise InputError(
             f"{file}: effect {', '.join(map(repr, unknown))} is unknown; if it is your own, import and "
             f"register it first"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.effects import BY_NAME
+from jaxmuscle.effects import effect_named, names_on
 from jaxmuscle.errors import InputError, Problems, nearest
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.schema import (
@@ -140,13 +140,14 @@ def _effects(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[s
     found: dict[str, dict[str, Quantity]] = {}
     for name, entries in section.items():
         where = f"[effects.{name}]"
-        if name not in BY_NAME:
+        effect = effect_named(name)
+        if effect is None:
             own = "Is it your own? Then jaxmuscle.effects.register it"
-            problems.add(where, f"unknown effect{nearest(name, BY_NAME)}. {own}")
+            problems.add(where, f"unknown effect{nearest(name, names_on(rig))}. {own}")
         elif not isinstance(entries, Mapping):
             problems.add(where, f"expected a section with the effect's parameters; got {entries!r}")
         elif not rig.offers(effect := rig.effect_named(name)):
-            lacking = ", ".join(sorted(effect.reads - rig.available))
+            lacking = ", ".join(sorted(effect.reads - rig.readable()))
             problems.add(where, f"rig {rig.rig!r} cannot have this effect: it has no signal {lacking}")
         else:
             found[name] = _effect(entries, schema.effect_parameters(effect, rig), where, problems)

@@ -107,7 +107,7 @@ def _built(cls: type[Any], tree: Mapping[str, Any]) -> Any:
 
 def _need(field: dataclasses.Field[Any], rig: Rig) -> Need:
     required = field.default is dataclasses.MISSING
-    return Need(**vars(Declaration.of(field, rig.units)), required=required)
+    return Need(**vars(Declaration.of(field, rig.unit_templates)), required=required)
 
 
 REFERENCES = ("gauge", "absolute")

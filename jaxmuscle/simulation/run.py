@@ -20,14 +20,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects.base import States, updated_memories
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
+from jaxmuscle.simulation.sensors import Readings, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
 from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest, time_at
 
-Readings = dict[str, Array]
 Derivatives = Literal["any", "forward", "linearised"]
 """Derivatives that a run is laid out for: in either mode; in forward mode with several tangents, which is
 traced faster; and computed apart from the values, which runs faster where many numbers are predicted side by
@@ -89,7 +90,7 @@ class Interval(eqx.Module):
     def finish(self, own: State, memory: States, end: Array, size: Array) -> tuple[State, States]:
         """States and memories after a step of `size` that ended at `end`: contacts and memories act."""
         state = self.actuator.constrained(self.whole(own, end / self.step))
-        signals = self.actuator.signals(state, self.held(memory))
+        signals = sensing(self.actuator, self.actuator.signals(state, self.held(memory)))
         after = {name: state[name] for name in own}
         return after, updated_memories(self.actuator.effects, memory, signals, size)
 
@@ -163,8 +164,9 @@ def run(
         derivatives: of the readings by numbers of the actuator, as they will be taken.
 
     Returns:
-        readings, kept states and commands, each with a leading axis of `samples`.
+        readings as the sensors show them, kept states and commands, each with a leading axis of `samples`.
     """
+    whole, actuator = actuator, without_sensor_errors(actuator)
     free = {name: value for name, value in start.state.items() if name not in imposed}
     width = track.step / substeps
     solver = method_for(actuator, start.state, free, width, method)
@@ -186,10 +188,12 @@ def run(
             # Until the controller has spoken, the command is still that of the interval before.
             interval, loop = _under(loop, interval, track, at.row)
         state = interval.whole(own, 0.0)
-        readings = actuator.readings(actuator.signals(state, interval.held(memory)))
+        states = {**state.get("effects", {}), **memory}
+        readings = sensed(actuator, actuator.signals(state, interval.held(memory)), states)
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
         if feedback is not None and loop is not None:
-            control, command = feedback.update(loop.control, readings, at.number)
+            shown = _shown_now(whole, readings, track, at.row)
+            control, command = feedback.update(loop.control, shown, at.number)
             interval, loop = _under(Loop(control, command, loop.table), interval, track, at.row)
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
         return Carry(own, memory, course, loop), (readings, kept, interval.command)
@@ -200,7 +204,15 @@ def run(
         begin = depending_on(actuator, begin)
     scan = linearised_scan if derivatives == "linearised" else jax.lax.scan
     _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
-    return Run(readings, states, commands)
+    return Run(shown_readings(whole, readings, track, row), states, commands)
+
+
+def _shown_now(actuator: AbstractActuator, readings: Readings, track: Track, row: Array) -> Readings:
+    """Readings of one sample as the sensors show them."""
+    if without_sensor_errors(actuator) is actuator:
+        return readings
+    series = jax.tree.map(lambda values: values[None], readings)
+    return jax.tree.map(lambda values: values[0], shown_readings(actuator, series, track, row))
 
 
 def _first_loop(

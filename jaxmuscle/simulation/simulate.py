@@ -17,6 +17,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation.run import run
+from jaxmuscle.simulation.sensors import true_track
 from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
 from jaxmuscle.simulation.track import (
     Track,
@@ -152,7 +153,8 @@ def simulate(
     """
     hidden: dict[str, Array] = {}
     if isinstance(given, Recording):
-        track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
+        track = true_track(actuator, observed(actuator, given, given.card.noise).track)
+        clock = np.asarray(given.time)
     else:
         track, clock, hidden = _commanded(actuator, given, times, start or {})
     steps = steps_of(actuator, float(clock[1] - clock[0]), method, substeps, tolerance)

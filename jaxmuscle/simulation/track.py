@@ -15,6 +15,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.effects.base import States, initial_states
 from jaxmuscle.parameters import entries_of, split_index
 from jaxmuscle.recordings.smoothing import noise_level, smooth
@@ -31,6 +32,8 @@ class Track(eqx.Module):
         begins: whether a new stretch begins at a sample, with everything unmeasured at rest; `None` for a
             single one.
         widening: how many times as wide as it is dry friction is smoothed, for the first stages of a fit.
+        is_true: whether the measured states are freed of what sensors do to their readings
+            (:func:`jaxmuscle.simulation.sensors.true_track`).
     """
 
     step: Float[Array, ""]
@@ -38,6 +41,7 @@ class Track(eqx.Module):
     measured: dict[str, Float[Array, "samples ..."]]
     begins: Bool[Array, " samples"] | None = None
     widening: Float[Array, ""] | None = None
+    is_true: bool = eqx.field(static=True, default=False)
 
     def at(self, row: Array) -> State:
         """The measured states at a sample, or at several."""
@@ -79,10 +83,10 @@ def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0
     state = actuator.rest(track.at(jnp.asarray(row)))
     held = held_at(actuator, track, jnp.asarray(row), {})
     bare = actuator.without_effects(*actuator.effects)
-    states, memory = initial_states(actuator.effects, bare.signals(state, held))
+    states, memory = initial_states(actuator.effects, sensing(actuator, bare.signals(state, held)))
     # Once more under the signals that these states make: a lagging sensor starts at the whole force.
     whole = actuator.signals({**state, "effects": states}, held_at(actuator, track, jnp.asarray(row), memory))
-    states, memory = initial_states(actuator.effects, whole)
+    states, memory = initial_states(actuator.effects, sensing(actuator, whole))
     return Start({**state, "effects": states}, memory)
 
 

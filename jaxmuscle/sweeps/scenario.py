@@ -15,6 +15,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, run, start_at_rest
+from jaxmuscle.simulation.sensors import true_track
 from jaxmuscle.simulation.track import commanded_track, observed, sampling_step
 from jaxmuscle.sweeps.commands import Sine, command_of
 
@@ -39,7 +40,7 @@ class Bench(eqx.Module):
     def track(self) -> Track:
         """What the bench does, on the sample clock."""
         if isinstance(self.command, Track):
-            return self.command
+            return true_track(self.actuator, self.command)
         table = jax.vmap(self.command)(self.times) if callable(self.command) else self.command
         return commanded_track(self.actuator, self._for_each_muscle(table), self.step, self.start)
 

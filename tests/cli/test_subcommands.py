@@ -14,6 +14,7 @@ import jaxmuscle
 import jaxmuscle.diagnosis as package
 from jaxmuscle.cli import app
 from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
+from jaxmuscle.effects.readings import KINDS
 from jaxmuscle.recordings import Recording
 from jaxmuscle.report.sentence import sentence
 from jaxmuscle.samples import sample
@@ -113,6 +114,7 @@ def test_effects_lists_the_whole_catalogue(run: Run) -> None:
     assert [[e.name, e.slot.name] for e in (*CATALOGUE, *FURTHER)] == [
         words[:2] for words in lines if len(words) > 1 and words[0] in BY_NAME
     ]
+    assert all(f"\n{kind}_COLUMN " in outcome.stdout for kind in KINDS)
     assert ":math:" not in outcome.stdout
 
 

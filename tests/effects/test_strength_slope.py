@@ -36,6 +36,8 @@ SIZES = {
     "thickness": 1e-3,
     "compliance": 1e-5,
     "distance": 1e-3,
+    "half_width": 1e-3,
+    "cubic": 1e-6,
 }
 ALL = pytest.mark.parametrize("effect_type", (*CATALOGUE, *FURTHER), ids=lambda effect: effect.__name__)
 VELOCITIES = (0.13, 0.0, -0.13)
@@ -76,6 +78,8 @@ def situation(velocity, contraction):
         position=jnp.asarray(contraction / 0.015),
         velocity=jnp.asarray(velocity / 0.015),
         force=force,
+        pressure_reading=pressure,
+        position_reading=jnp.asarray(contraction / 0.015),
     )
 
 

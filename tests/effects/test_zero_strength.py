@@ -7,6 +7,7 @@ import pytest
 from oracles import bench
 
 from jaxmuscle.actuators import Held
+from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects import AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.effects.base import initial_states
 from jaxmuscle.parameters import get, parameters
@@ -44,6 +45,8 @@ SIZES = {
     "inverse_rate": 0.1,
     "resistance": 1e7,
     "volume": 1e-5,
+    "half_width": 1e-3,
+    "cubic": 1e-8,
 }
 COMPANIONS = {"presliding": {"load_friction": {"force": 1e4}, "thread_friction": bench.THREADS}}
 """Effects without which one does nothing."""
@@ -97,7 +100,7 @@ def disturbed(value, noise):
 def outcome(actuator, rig, state, table, noise):
     """Rates of the machine's own states, readings, and the largest of what the effects add."""
     bare = actuator.without_effects(*actuator.effects)
-    before = bare.signals(state, held(rig, table, {}))
+    before = sensing(actuator, bare.signals(state, held(rig, table, {})))
     states, memory = initial_states(actuator.effects, before)
     states, memory = disturbed(states, noise), disturbed(memory, noise)
     for name, effect in actuator.effects.items():
@@ -106,9 +109,8 @@ def outcome(actuator, rig, state, table, noise):
     situation = held(rig, table, memory)
     state = {**state, "effects": states}
     rates = actuator.vector_field(state, situation)
-    return {n: r for n, r in rates.items() if n != "effects"}, actuator.readings(
-        actuator.signals(state, situation)
-    )
+    readings = sensed(actuator, actuator.signals(state, situation), {**states, **memory})
+    return {n: r for n, r in rates.items() if n != "effects"}, readings
 
 
 def assert_identical(left, right):

@@ -16,7 +16,8 @@ from jaxmuscle.components import (
     PressureRegulator,
     Receiver,
 )
-from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER  # noqa: F401 - tests take names from here
+from jaxmuscle.effects import BY_NAME as BY_NAME
+from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.hysteresis import Envelope, ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot import robot

@@ -1,0 +1,151 @@
+"""Effects in the sensors of the chain: lag of pressure and force, bent characteristic of a load cell,
+backlash before an encoder.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.readings import AbstractCorrectedEffect, Samples, Series
+from jaxmuscle.parameters import Scalar, parameter
+from jaxmuscle.signals import FORCE_READING, POSITION_READING, PRESSURE_READING, Signals
+
+
+class AbstractSensorLag(AbstractMemoryEffect):
+    r"""First-order lag of a reading: :math:`τ \dot y = x - y`; the addition is y - x.
+
+    Exact for an x that is linear over the step, so that a zero time constant leaves the reading as it is and
+    the derivative there is -ẋ.
+    """
+
+    time_constant: Scalar = parameter("s", "time constant of the reading", default=0.0, nonnegative=True)
+
+    @abc.abstractmethod
+    def lagging(self, signals: Signals) -> Array:
+        """What the sensor is loaded with, x."""
+
+    def initial(self, signals: Signals) -> tuple[Array, Array]:
+        value = self.lagging(signals)
+        return jnp.zeros_like(value), value
+
+    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
+        error, before = memory
+        value = self.lagging(signals)
+        active = self.time_constant > 0
+        tau = jnp.where(active, self.time_constant, 1.0)
+        fading = jnp.where(active, jnp.exp(-step / tau), 0.0)
+        ramp = self.time_constant * (value - before) / step
+        return fading * error - ramp * (1 - fading), value
+
+    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
+        return memory[0]
+
+
+class ForceSensorLag(AbstractSensorLag):
+    r"""First-order lag of the force reading: :math:`τ \dot y = F - y`; the addition is y - F.
+
+    Exact for a force that is linear over the step, so that a zero time constant leaves the reading as it
+    is and the derivative there is -Ḟ.
+    """
+
+    name: ClassVar = "force_sensor_lag"
+    slot: ClassVar = FORCE_READING
+    reads: ClassVar = frozenset({"force"})
+    strength: ClassVar = "time_constant"
+    starts: ClassVar = ({},)
+    source: ClassVar = "first-order lag, first-order hold"
+
+    time_constant: Scalar = parameter(
+        "s", "time constant of the force reading", default=0.0, nonnegative=True
+    )
+
+    def lagging(self, signals: Signals) -> Array:
+        return signals.force
+
+
+class PressureSensorLag(AbstractSensorLag, AbstractCorrectedEffect):
+    r"""First-order lag of the pressure reading: :math:`τ \dot y = p - y`; the addition is y - p.
+
+    A long tube or the sensor's own filter; one time constant for all pressures of a rig. Exact for a pressure
+    that is linear over the step. Where a measured pressure is taken as an input of another link of the chain,
+    it is y + τ ẏ, by central differences of the smoothed samples.
+    """
+
+    name: ClassVar = "pressure_sensor_lag"
+    slot: ClassVar = PRESSURE_READING
+    reads: ClassVar = frozenset({"pressure_reading"})
+    strength: ClassVar = "time_constant"
+    starts: ClassVar = ({},)
+    source: ClassVar = "first-order lag, first-order hold; Doebelin, Measurement Systems, chapter 6"
+
+    time_constant: Scalar = parameter(
+        "s", "time constant of the pressure reading", default=0.0, nonnegative=True, typical=5e-3
+    )
+
+    def lagging(self, signals: Signals) -> Array:
+        return signals.pressure_reading
+
+    def concerns(self, column: str, is_pressure: bool) -> bool:
+        """Every pressure."""
+        return is_pressure
+
+    def corrected(self, shown: Series, samples: Samples) -> Series:
+        return shown + self.time_constant * samples.rate(shown)
+
+
+class ForceSensorNonlinearity(AbstractStaticEffect):
+    r"""The load cell's characteristic is bent: :math:`ΔF = c\,F^3`.
+
+    The lowest odd term beside the gain, the same for pull and push. 0.25 % at 500 N are c = 1e-8 1/N².
+    """
+
+    name: ClassVar = "force_sensor_nonlinearity"
+    slot: ClassVar = FORCE_READING
+    reads: ClassVar = frozenset({"force"})
+    strength: ClassVar = "cubic"
+    starts: ClassVar = ({},)
+    source: ClassVar = "nonlinearity of load cells, OIML R 60, as a cubic"
+
+    cubic: Scalar = parameter("1/N^2", "cubic term of the force reading", default=0.0, typical=1e-8)
+
+    def value(self, signals: Signals) -> Array:
+        return self.cubic * signals.force**3
+
+
+class Backlash(AbstractMemoryEffect):
+    r"""Backlash between load and sensor: :math:`y = \max(x - b, \min(x + b, y^-))`; the addition is y - x.
+
+    The sensor stays until a side of a gap of width 2 b pushes it on: a play operator, at rest in the middle
+    of the gap at first. A window begins with the position that was read, from which the load may be up to b
+    away.
+    """
+
+    name: ClassVar = "backlash"
+    slot: ClassVar = POSITION_READING
+    reads: ClassVar = frozenset({"position_reading"})
+    strength: ClassVar = "half_width"
+    starts: ClassVar = ({},)
+    source: ClassVar = "play operator; Nordin and Gutman, Automatica 38, 2002"
+
+    half_width: Scalar = parameter(
+        "{motion}", "half the play between load and sensor", default=0.0, nonnegative=True, typical=2e-4
+    )
+
+    def initial(self, signals: Signals) -> Array:
+        return signals.position_reading
+
+    def update(self, memory: Array, signals: Signals, step: Array) -> Array:
+        return self._behind(memory, signals.position_reading)
+
+    def value(self, memory: Array, signals: Signals) -> Array:
+        return self._behind(memory, signals.position_reading) - signals.position_reading
+
+    def _behind(self, memory: Array, position: Array) -> Array:
+        """The play operator, at b = 0 with its derivative towards b > 0, where max and min take the mean."""
+        low, high = position - self.half_width, position + self.half_width
+        return jnp.where(memory > high, high, jnp.where(memory < low, low, memory))

@@ -1,0 +1,139 @@
+"""Lag of the pressure, bent load cell, backlash: readings by hand, at rest, at reversals, in links."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.bench import built
+
+import jaxmuscle as jm
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects import FURTHER, Backlash, ForceSensorNonlinearity, PressureSensorLag
+from jaxmuscle.estimation.residuals import residuals
+from jaxmuscle.estimation.windows import case
+from jaxmuscle.signals import Signals
+from jaxmuscle.simulation.sensors import true_track
+
+STEP = bench.STEPS["isotonic"]
+COMMAND = bench.isotonic_command()
+weighted_residuals = eqx.filter_jit(residuals)
+CLOCK = np.arange(len(COMMAND)) * STEP
+
+
+def lifted(**effects):
+    machine = bench.model("isotonic", **effects)
+    return machine, jm.simulate(machine, COMMAND, CLOCK).readings
+
+
+@pytest.fixture(scope="module")
+def true():
+    return {name: np.asarray(values) for name, values in lifted()[1].items()}
+
+
+def test_a_lagging_pressure_in_the_chain(true):
+    """The lag's own equation, exact for straight lines between samples, at half the samples' step."""
+    tau, shown = 0.02, [true["pressure"][0]]
+    for before, here in zip(true["pressure"][:-1], true["pressure"][1:], strict=True):
+        slope = (here - before) / STEP
+        error = (shown[-1] - before + tau * slope) * np.exp(-STEP / tau) - tau * slope
+        shown.append(here + error)
+    found = lifted(pressure_sensor_lag={"time_constant": tau})[1]
+    np.testing.assert_allclose(found["pressure"], shown, atol=2e-3 * np.ptp(true["pressure"]))
+    assert np.abs(shown - true["pressure"]).max() > 0.1 * np.ptp(true["pressure"])
+    np.testing.assert_array_equal(found["position"], true["position"])
+
+
+def test_the_position_is_predicted_from_the_pressure_before_its_sensor_lagged(true):
+    effect = {"pressure_sensor_lag": {"time_constant": 0.02}}
+    machine, readings = lifted(**effect)
+    columns = {"command": COMMAND, **{name: np.asarray(values) for name, values in readings.items()}}
+    noise = {"pressure": 300.0, "position": 5e-5}
+    recording = jm.recording(machine, columns, STEP, noise=noise, horizon=0.3)
+    problem = case(recording, 0.0).problem
+    corrected = np.asarray(true_track(machine, problem.track).measured["pressure"])
+    off = np.abs(corrected - true["pressure"])[5:-5]
+    assert off.mean() < 0.06 * np.abs(columns["pressure"] - true["pressure"])[5:-5].mean()
+    left = {
+        name: float(np.sqrt(np.mean(np.square(weighted_residuals(model, problem)["position"]))))
+        for name, model in {"declared": machine, "ignored": bench.model("isotonic")}.items()
+    }
+    assert left["declared"] < 0.2 * left["ignored"]
+
+
+def test_backlash_is_a_play_operator(true):
+    half, at, expected = 1e-3, true["position"][0], []
+    for position in true["position"]:
+        at = max(position - half, min(position + half, at))
+        expected.append(at)
+    found = lifted(backlash={"half_width": half})[1]
+    # Reversals between samples: within a step of the motion there.
+    np.testing.assert_allclose(found["position"], expected, atol=2e-5)
+    assert np.ptp(found["position"] - true["position"]) > 1.9 * half
+    np.testing.assert_array_equal(found["pressure"], true["pressure"])
+
+
+@pytest.mark.parametrize("width", [0.0, 2e-4])
+def test_slope_of_a_backlash_on_the_way_at_rest_and_at_reversals(width):
+    path = jnp.asarray([0.0, 2e-3, 5e-3, 5e-3, 5e-3, 4e-3, 1e-3, 1e-3, 3e-3])
+
+    @jax.jit
+    def shown(half_width):
+        effect = built(Backlash, half_width=half_width)
+
+        def onward(memory, position):
+            signals = Signals(position_reading=position)
+            memory = effect.update(memory, signals, jnp.asarray(STEP))
+            return memory, position + effect.value(memory, signals)
+
+        return jax.lax.scan(onward, effect.initial(Signals(position_reading=path[0])), path)[1]
+
+    slope = jax.vmap(jax.jacfwd(shown))(jnp.full(2, width))[0]
+    np.testing.assert_allclose(slope, (shown(width + 1e-6) - shown(width)) / 1e-6, atol=1e-6)
+    np.testing.assert_array_equal(slope[1:], [-1, -1, -1, -1, 1, 1, 1, -1])
+    np.testing.assert_array_equal(jax.grad(lambda b: shown(b).sum())(width), slope.sum())
+    np.testing.assert_array_equal(shown(0.0), path)
+
+
+def test_a_bent_load_cell():
+    machine = bench.model("driven", force_sensor_nonlinearity={"cubic": 2e-8})
+    track = bench.driven_track(*bench.driven_motion())
+    force = np.asarray(bench.simulate(bench.model("driven"), track, 1).readings["force"])
+    found = bench.simulate(machine, track, 1).readings["force"]
+    np.testing.assert_allclose(found, force + 2e-8 * force**3, rtol=1e-12)
+    assert np.abs(found - force).max() > 1.0
+    slope = jax.vmap(jax.grad(lambda c, f: built(ForceSensorNonlinearity, cubic=c).value(Signals(force=f))))
+    at = jnp.asarray([0.0, 250.0, -40.0])
+    np.testing.assert_allclose(slope(jnp.zeros(3), at), at**3, rtol=1e-12)
+
+
+def test_rigs_offer_them_by_their_readings():
+    offering = {e.name: {name for name, rig in RIGS.items() if rig.offers(e)} for e in FURTHER}
+    moving = {"isotonic", "joint", "elbow", "scara"}
+    assert offering["pressure_sensor_lag"] == offering["backlash"] == moving
+    assert offering["force_sensor_nonlinearity"] == {"driven", "jet-pipe", "jet-pipe-piston"}
+
+
+@pytest.mark.parametrize("rig", ["joint", "elbow"])
+def test_on_other_rigs_they_act_on_every_pressure_and_on_the_motion(rig):
+    command = getattr(bench, f"{rig}_command")()[:120]
+    clock = np.arange(120) * bench.STEPS[rig]
+    plain = jm.simulate(bench.model(rig), command, clock).readings
+    bent = {"pressure_sensor_lag": {"time_constant": 0.03}, "backlash": {"half_width": 0.01}}
+    found = jm.simulate(bench.model(rig, **bent), command, clock).readings
+    moved = np.ptp(np.asarray(found["pressure"] - plain["pressure"]), axis=0)
+    assert np.all(moved > 0.02 * np.ptp(np.asarray(plain["pressure"]), axis=0))
+    assert 0.0 < np.abs(np.asarray(found["angle"] - plain["angle"])).max() <= 0.01 + 1e-12
+
+
+def test_one_time_constant_is_found_from_both_links(true):
+    readings = lifted(pressure_sensor_lag={"time_constant": 0.012})[1]
+    noise, rng = {"pressure": 300.0, "position": 5e-5}, np.random.default_rng(4)
+    columns = {n: np.asarray(readings[n]) + noise[n] * rng.normal(size=len(CLOCK)) for n in noise}
+    machine = bench.model("isotonic", pressure_sensor_lag={"time_constant": 0.005})
+    recording = jm.recording(machine, {"command": COMMAND, **columns}, STEP, noise=noise, horizon=0.3)
+    found = jm.fit(machine, recording, ["pressure_sensor_lag.time_constant"])
+    (entry,) = found.parameters.values()
+    assert PressureSensorLag.name in entry.path
+    assert entry.value == pytest.approx(0.012, rel=0.05)
