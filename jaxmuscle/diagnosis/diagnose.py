@@ -19,10 +19,10 @@ from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
+    FOLDS,
     REFIT,
     Candidate,
     Ranking,
-    fold_count,
     rank,
     round_work,
 )
@@ -105,7 +105,7 @@ def _diagnosed(
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared, candidates)
     parts = prepared.training.in_parts(PARTS)
-    meter.expect(DECLARED + round_work(candidates, fold_count(parts)) + CONCLUSION)
+    meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
     meter.did(0.0, "fitting the declared model")
     compiled = in_background(lambda: bench.compile_stateful(parts))
     declared, _ = bench.fit(bench.model, [], parts, FIT_STEPS)
