@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import States, addition
+from jaxmuscle.effects.base import States, filled
 from jaxmuscle.signals import POSITION_READING, PRESSURE_READING, Signals, Slot
 
 if TYPE_CHECKING:
@@ -55,8 +55,11 @@ def sensed(actuator: Any, signals: Signals, states: States) -> dict[str, Array]:
     if not slots:
         return true
     loaded = signals.having(**{slot.name: true[output] for slot, output in slots.items()})
-    added = {out: true[out] + addition(actuator.effects, slot, states, loaded) for slot, out in slots.items()}
-    return {**true, **added}
+    shown = {
+        output: getattr(filled(actuator.effects, slot, true[output], states, loaded), slot.name)
+        for slot, output in slots.items()
+    }
+    return {**true, **shown}
 
 
 def _carried(actuator: Any) -> dict[Slot, str]:

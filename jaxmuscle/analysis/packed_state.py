@@ -19,7 +19,7 @@ from jaxmuscle.effects.base import STICKING_TIME, States
 from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation import Track, start_at_rest
-from jaxmuscle.simulation.sensors import shown_readings
+from jaxmuscle.simulation.sensor_errors import shown_readings
 
 Packed = Float[Array, " states"]
 Readings = Float[Array, " readings"]

@@ -20,7 +20,7 @@ from jaxmuscle.estimation.padding import longer_track
 from jaxmuscle.estimation.windows import Case, bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
-from jaxmuscle.simulation.sensors import shown_readings, true_track
+from jaxmuscle.simulation.sensor_errors import shown_readings, true_track
 
 Series = NDArray[np.float64]
 Arrays = dict[str, Array]

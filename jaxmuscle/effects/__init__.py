@@ -19,7 +19,7 @@ from jaxmuscle.effects.friction import (
     Stribeck,
     ThreadFriction,
 )
-from jaxmuscle.effects.gas import ChamberLeak, DeadVolume, GasHeating, LineLag, SupplyDroop
+from jaxmuscle.effects.gas_path import ChamberLeak, DeadVolume, GasHeating, LineLag, SupplyDroop
 from jaxmuscle.effects.load import EndStop, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,

@@ -17,7 +17,7 @@ from jaxmuscle.parameter_names import OFFSET, START, known_names
 from jaxmuscle.parameters import Parameter, entries_of
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, start_at_rest
-from jaxmuscle.simulation.sensors import true_track
+from jaxmuscle.simulation.sensor_errors import true_track
 
 
 def fittable(actuator: AbstractActuator, ranges: Mapping[str, float]) -> dict[str, Parameter]:

@@ -26,7 +26,7 @@ from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace, split_index
 from jaxmuscle.simulation import Start, observe, predict, start_at_rest, with_states
 from jaxmuscle.simulation.run import Derivatives
-from jaxmuscle.simulation.sensors import true_track
+from jaxmuscle.simulation.sensor_errors import true_track
 
 
 class Stepping(NamedTuple):

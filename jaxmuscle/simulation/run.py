@@ -24,7 +24,7 @@ from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects.base import States, updated_memories
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
-from jaxmuscle.simulation.sensors import Readings, shown_readings, without_sensor_errors
+from jaxmuscle.simulation.sensor_errors import Readings, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
 from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest, time_at

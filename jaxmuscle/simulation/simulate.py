@@ -17,7 +17,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation.run import run
-from jaxmuscle.simulation.sensors import true_track
+from jaxmuscle.simulation.sensor_errors import true_track
 from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
 from jaxmuscle.simulation.track import (
     Track,

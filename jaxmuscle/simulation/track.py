@@ -33,7 +33,7 @@ class Track(eqx.Module):
             single one.
         widening: how many times as wide as it is dry friction is smoothed, for the first stages of a fit.
         is_true: whether the measured states are freed of what sensors do to their readings
-            (:func:`jaxmuscle.simulation.sensors.true_track`).
+            (:func:`jaxmuscle.simulation.sensor_errors.true_track`).
     """
 
     step: Float[Array, ""]

@@ -15,7 +15,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, run, start_at_rest
-from jaxmuscle.simulation.sensors import true_track
+from jaxmuscle.simulation.sensor_errors import true_track
 from jaxmuscle.simulation.track import commanded_track, observed, sampling_step
 from jaxmuscle.sweeps.commands import Sine, command_of
 

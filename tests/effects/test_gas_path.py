@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from jaxmuscle.components import ChamberGas
 from jaxmuscle.components.gas import GAMMA, GAS_CONSTANT, heat_of
 from jaxmuscle.effects import DeadVolume, GasHeating, LineLag, SupplyDroop
-from jaxmuscle.effects.gas import SHORTEST_LAG
+from jaxmuscle.effects.gas_path import SHORTEST_LAG
 from jaxmuscle.signals import Signals
 
 VALVE = bench.model("isotonic").valve

@@ -17,7 +17,7 @@ from jaxmuscle.effects.readings import KINDS, Samples
 from jaxmuscle.estimation.residuals import moved, residuals
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, parameters
-from jaxmuscle.simulation.sensors import shown_readings, true_track, without_sensor_errors
+from jaxmuscle.simulation.sensor_errors import shown_readings, true_track, without_sensor_errors
 
 STEP, ROWS = 2e-3, 60
 SIZES = {"sensor_gain": 0.02, "sensor_offset": 3e3, "sensor_drift": 1500.0, "clock_offset": 3.1e-3}

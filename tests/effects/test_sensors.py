@@ -14,7 +14,7 @@ from jaxmuscle.effects import FURTHER, Backlash, ForceSensorNonlinearity, Pressu
 from jaxmuscle.estimation.residuals import residuals
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.signals import Signals
-from jaxmuscle.simulation.sensors import true_track
+from jaxmuscle.simulation.sensor_errors import true_track
 
 STEP = bench.STEPS["isotonic"]
 COMMAND = bench.isotonic_command()
