@@ -166,11 +166,12 @@ def _print_fit(result: FitResult, files: list[Path]) -> None:
 def effects() -> None:
     """List the effects that a diagnosis tries: name, signal, rigs that offer it, meaning, source.
 
-    Below them those that only a card or ``catalogue=`` names, errors of sensors (of any COLUMN) last.
+    Below them those that it tries where these leave something, with errors of the sensor of any COLUMN, and
+    at last those that only a card or ``catalogue=`` names.
     """
     import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
     from jaxmuscle.actuators import RIGS
-    from jaxmuscle.effects import CATALOGUE, FURTHER, AbstractEffect
+    from jaxmuscle.effects import CATALOGUE, DECLARABLE, EXTENSION, AbstractEffect
     from jaxmuscle.effects.readings import KINDS
     from jaxmuscle.formatting import meaning
 
@@ -183,11 +184,13 @@ def effects() -> None:
         return table
 
     output().print(listed(CATALOGUE))
-    output().print("\nDeclared by a card, or named in diagnose(catalogue=...):\n")
-    further = listed(FURTHER)
+    output().print("\nWhere these leave something:\n")
+    more = listed(EXTENSION)
     for kind, effect in KINDS.items():
-        further.add_row(f"{kind}_COLUMN", "COLUMN_reading", "all", meaning(effect.__doc__), effect.source)
-    output().print(further)
+        more.add_row(f"{kind}_COLUMN", "COLUMN_reading", "all", meaning(effect.__doc__), effect.source)
+    output().print(more)
+    output().print("\nDeclared by a card, or named in diagnose(catalogue=...):\n")
+    output().print(listed(DECLARABLE))
 
 
 def sweep(

@@ -22,10 +22,11 @@ from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_co
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.verdict import (
+    IMITATED,
     confirmed,
     doubted,
-    imitating,
     missing_in_noise,
+    share_left,
     verdict,
     violated_priors,
 )
@@ -81,12 +82,13 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
     may_miss = missing_in_noise(final, squares, noise)
+    remaining = share_left(before_squares, squares)
     said = verdict(
         found=bool(names),
         left=bool(left),
         missing=may_miss,
         confirms=confirmed(before, after),
-        imitates=imitating(before_squares, squares),
+        imitates=remaining > IMITATED,
     )
     holds = said == "effects found"
     return Diagnosis(
@@ -97,6 +99,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         refused=refused,
         violated_priors=violated_priors(final, case.priors),
         missing_in_noise=may_miss,
+        share_left=remaining,
         rounds=outcome.rounds,
         declared=declared,
         model=final.actuator if final else _lean(bench, outcome.model, names),
@@ -209,6 +212,8 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
         parameters=of_effect(effect.name, values),
         gain=candidate.evidence.gain,
         p_value=candidate.evidence.p_value,
+        kind=effect.kind,
+        column=effect.column,
     )
 
 

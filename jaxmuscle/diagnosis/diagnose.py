@@ -4,8 +4,10 @@ then conclude.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +29,8 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
 )
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
-from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING
+from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
@@ -36,6 +39,8 @@ from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.recording import Recording
 
 MOST_EFFECTS = 3
+LESS = 0.8
+"""Ratio of what two sets of effects leave up to which the larger set counts."""
 LEAST_GAIN = 0.05
 """Part of the excess error on unseen windows that an effect must remove: a candidate that removes less where
 it is fitted is not judged."""
@@ -61,7 +66,7 @@ def diagnose(
     *,
     held_out: float | NDArray[np.bool_] = 0.3,
     ignored: NDArray[np.bool_] | None = None,
-    catalogue: Sequence[type[AbstractEffect]] = CATALOGUE,
+    catalogue: Sequence[type[AbstractEffect]] | None = None,
     progress: Callable[[Progress], None] = _silent,
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
@@ -78,7 +83,10 @@ def diagnose(
         recording: as :func:`jaxmuscle.read` gives it.
         held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
         ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle).
-        catalogue: effects to choose from.
+        catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`; where
+            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MISSING`), a second diagnosis
+            chooses among them, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors
+            of every column. It counts if it leaves less.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
 
@@ -88,7 +96,27 @@ def diagnose(
         (something is missing, and no effect of the catalogue explains it).
     """
     meter = Meter(progress)
-    return interruptible(lambda: _diagnosed(recording, held_out, ignored, catalogue, meter), meter.stop)
+    seek = partial(_diagnosed, recording, held_out, ignored, meter=meter)
+    chosen = _in_two_passes(seek) if catalogue is None else lambda: seek(catalogue)
+    return interruptible(chosen, meter.stop)
+
+
+def _in_two_passes(seek: Callable[[Sequence[type[AbstractEffect]]], Diagnosis]) -> Callable[[], Diagnosis]:
+    """A diagnosis among the usual effects and, where these leave something, among all.
+
+    What is left on the training data decides, in both places: held-out data have no say.
+    """
+
+    def diagnosed() -> Diagnosis:
+        first = seek(CATALOGUE)
+        if first.missing_in_noise <= MISSING or first.share_left <= EXPLAINED:
+            return first
+        second = seek((*CATALOGUE, *EXTENSION, *reading_effects(type(first.declared))))
+        seconds = first.seconds + second.seconds
+        better = second.added and second.missing_in_noise < LESS * first.missing_in_noise
+        return dataclasses.replace(second if better else first, seconds=seconds)
+
+    return diagnosed
 
 
 def _diagnosed(

@@ -32,7 +32,8 @@ class FoundEffect:
     """An effect that was added: its parameters and the evidence on data not used for fitting.
 
     `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
-    removed; `p_value` of that.
+    removed; `p_value` of that. `kind`: name of the effect in the catalogue; of an error of a sensor
+    (`name` ``sensor_offset_pressure``) without its `column`.
     """
 
     name: str
@@ -42,6 +43,13 @@ class FoundEffect:
     parameters: dict[str, Estimate]
     gain: float
     p_value: float
+    kind: str = ""
+    column: str | None = None
+
+    def __post_init__(self) -> None:
+        """Without another kind it is of that of its name."""
+        if not self.kind:
+            object.__setattr__(self, "kind", self.name)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,6 +151,8 @@ class Diagnosis:
             from the card's value → how many.
         missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
             reading on the training data.
+        share_left: of the worst residual, as the logarithm of its size in noise units, what the added effects
+            leave; 1 without any.
         declared: the machine as declared, fitted to all training data.
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it
             with ``noise="discrepancy"``; `None` where the card is sure of everything and nothing was added.
@@ -161,6 +171,7 @@ class Diagnosis:
     refused: dict[str, str]
     violated_priors: dict[str, float]
     missing_in_noise: float
+    share_left: float
     rounds: tuple[Round, ...]
     declared: AbstractActuator
     model: AbstractActuator

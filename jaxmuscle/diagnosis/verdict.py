@@ -9,13 +9,16 @@ from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
 
-MISSING = 1.5
+MISSING = 2.0
 """Root mean square of what may be missing in a reading, in units of its noise, up to which nothing is said
-to be missing. Clean practice recordings leave up to 1.1 (a joint whose bearing gives way before it slides)
+to be missing. Clean practice recordings leave up to 1.5 (a joint whose bearing gives way before it slides)
 and 0.8 (a test machine whose imposed position and pressure are as measured)."""
 IMITATED = 0.5
-"""Part of the logarithm of the residual, in units of the noise, that effects have to remove where they leave
-something unexplained: with less, they imitate part of something else."""
+"""Share of the residual (:func:`share_left`) that effects may leave where they leave something unexplained:
+with more, they imitate part of something else."""
+EXPLAINED = 0.3
+"""Share up to which effects that leave something are taken to be the right ones all the same: a rough bearing
+leaves a few noise units of several hundred."""
 SURE = 2.0
 """Standard deviations by which the strength of an effect has to differ from none."""
 VIOLATED = 3.0
@@ -84,16 +87,16 @@ def confirmed(before: Errors, after: Errors) -> bool:
     return fell > 0
 
 
-def imitating(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """Whether what was added removes so little of the worst residual that it must be something else.
+def share_left(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """Share of the worst residual, as the logarithm of its size in noise units, that what was added leaves.
 
     Args:
         before, after: output → mean square weighted residual without what was added, and with it.
     """
     worst = max(after, key=after.__getitem__)
     if after[worst] <= 1:
-        return False
-    return math.log(after[worst]) > (1 - IMITATED) * math.log(max(before[worst], after[worst], 1.0))
+        return 0.0
+    return math.log(after[worst]) / math.log(max(before[worst], after[worst]))
 
 
 def verdict(*, found: bool, left: bool, missing: float, confirms: bool, imitates: bool) -> str:

@@ -54,16 +54,7 @@ CATALOGUE: tuple[type[AbstractEffect], ...] = (
     ForceSensorLag,
 )
 
-FURTHER: tuple[type[AbstractEffect], ...] = (
-    Presliding,
-    Stribeck,
-    PressureDependentFriction,
-    WallThickness,
-    ForceDrift,
-    EndStop,
-    EccentricSprocket,
-    ElasticTendon,
-    BoucWen,
+EXTENSION: tuple[type[AbstractEffect], ...] = (
     ValveOffset,
     SpoolHysteresis,
     DeadBand,
@@ -72,11 +63,29 @@ FURTHER: tuple[type[AbstractEffect], ...] = (
     LineLag,
     DeadVolume,
     GasHeating,
+    WallThickness,
+    ForceDrift,
+    PressureDependentFriction,
+    EndStop,
     PressureSensorLag,
     ForceSensorNonlinearity,
     Backlash,
 )
-"""Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`."""
+"""Effects that a diagnosis seeks beside those of the catalogue, and with errors of the sensors
+(:func:`reading_effects`), where the catalogue leaves something."""
+
+DECLARABLE: tuple[type[AbstractEffect], ...] = (
+    Presliding,
+    Stribeck,
+    EccentricSprocket,
+    ElasticTendon,
+    BoucWen,
+)
+"""Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`: on many
+recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness)."""
+
+FURTHER = (*EXTENSION, *DECLARABLE)
+"""All effects beside those of the catalogue."""
 
 ALTERNATIVE_FORMS: tuple[type[AbstractEffect], ...] = (FrameValveHysteresis,)
 """Other models of an effect of the catalogue: cards may declare them, a diagnosis does not seek them."""
@@ -88,6 +97,8 @@ __all__ = [
     "ALTERNATIVE_FORMS",
     "BY_NAME",
     "CATALOGUE",
+    "DECLARABLE",
+    "EXTENSION",
     "FURTHER",
     "AbstractEffect",
     "AbstractMemoryEffect",

@@ -68,7 +68,8 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _effect(effect: FoundEffect) -> dict[str, Any]:
     return {
-        "name": effect.name,
+        "name": effect.kind,
+        **({"column": effect.column} if effect.column else {}),
         "signal": effect.signal,
         "parameters": _estimates(effect.parameters),
         "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value},

@@ -8,10 +8,12 @@ import pytest
 
 from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
+    EXPLAINED,
+    IMITATED,
     confirmed,
     doubted,
-    imitating,
     missing_in_noise,
+    share_left,
     verdict,
     violated_priors,
 )
@@ -79,10 +81,12 @@ def test_held_out_errors_confirm_by_their_mean_and_not_below_the_noise() -> None
     assert not confirmed(held_out(force=0.99), held_out(force=0.9))
 
 
-def test_what_leaves_most_of_a_large_residual_imitates() -> None:
-    assert imitating({"angle": 170.0**2}, {"angle": 117.0**2})
-    assert not imitating({"angle": 400.0**2}, {"angle": 7.0**2})
-    assert not imitating({"angle": 4.0**2}, {"angle": 0.9**2})
+def test_share_that_is_left_is_that_of_the_logarithm_of_the_worst_residual():
+    assert share_left({"angle": 170.0**2}, {"angle": 117.0**2}) > IMITATED
+    assert share_left({"angle": 400.0**2, "pressure": 1.1}, {"angle": 3.0**2, "pressure": 1.0}) < EXPLAINED
+    assert share_left({"angle": 16.0}, {"angle": 0.9}) == 0.0
+    assert share_left({"angle": 16.0}, {"angle": 16.0}) == 1.0
+    assert share_left({"angle": 16.0}, {"angle": 20.0}) == 1.0
 
 
 def test_a_value_far_from_the_card_is_named_with_its_distance() -> None:
