@@ -109,6 +109,8 @@ FALL = 3e-5
 With ten times as much, practice recording 14 ends at a tenth more cost, and an effect is found that is not
 there.
 """
+VIOLATED = 3.0
+"""Standard deviations of the card from which a fitted value contradicts it."""
 REWEIGHTED = 2
 """Times that the weights of a fit are taken anew from what it leaves."""
 SETTLED = (CONVERGED, STALLED)
@@ -230,8 +232,8 @@ class Workbench:
         when several steps together have lowered it by less than `slow` of it.
 
         Args:
-            discrepancy: then fit again with what is left counted as uncertainty beside the sensors' noise
-                (:func:`~jaxmuscle.estimation.weights.with_discrepancy`).
+            discrepancy: where a value then contradicts the card, fit again with what is left counted as
+                uncertainty (:func:`~jaxmuscle.estimation.weights.with_discrepancy`).
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
@@ -241,10 +243,18 @@ class Workbench:
         ends = Tolerances(fall=FALL, slow=slow)
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
         (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
-        for _ in range(REWEIGHTED if discrepancy else 0):
+        contradicts = discrepancy and self.contradicting(moved_machine(model, unknowns, lane.u, 0))
+        for _ in range(REWEIGHTED if contradicts else 0):
             reweighted = with_discrepancy(objective, lane.u)
             (lane,) = descend(reweighted.at, lane.u[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane
+
+    def contradicting(self, model: AbstractActuator) -> bool:
+        """Whether a declared parameter is further from the card than :data:`VIOLATED` standard deviations."""
+        return any(
+            abs(float(get(model, path)) - prior.mean) > VIOLATED * prior.std
+            for path, prior in self.priors.items()
+        )
 
     def compile_stateful(self, problem: Problem) -> None:
         """Have the programs for candidates with a state compiled; nothing if there is none."""

@@ -143,7 +143,8 @@ def _borne_out(
             return outcome, None, refused
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
-        values = _estimates(final, outcome.folds)
+        # By the fit's own standard deviations: that folds disagree on how much is no doubt that it is there.
+        values = _estimates(final, ())
         strengths = {c.effect.name: c.effect.strength for c in outcome.found}
         reasons = doubted([_found(candidate, values) for candidate in outcome.found], strengths)
         if not reasons:
@@ -171,7 +172,8 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
     """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
 
-    It carries the other candidates at zero strength, so that the programs of the search serve it.
+    Where a value then contradicts the card, what the model leaves is counted as uncertainty. It carries the
+    other candidates at zero strength, so that the programs of the search serve it.
     """
     model = bench.dressed(outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
@@ -179,9 +181,10 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
         return None
     asked = Asked(free, priors=dict(priors))
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
-    found = estimate(
-        model, (case.recording,), asked, unused, Method(noise=DISCREPANCY, program=bench.program(model))
-    )
+    program, given = bench.program(model), (case.recording,)
+    found = estimate(model, given, asked, unused, Method(program=program))
+    if violated_priors(found, case.priors):
+        found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
     lean = _lean(bench, found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 

@@ -29,7 +29,7 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
 )
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
-from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.weights import expected_spread
@@ -84,7 +84,7 @@ def diagnose(
         held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
         ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`; where
-            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MISSING`), a second diagnosis
+            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`), a second diagnosis
             chooses among them, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors
             of every column. It counts if it leaves less.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
@@ -109,7 +109,7 @@ def _in_two_passes(seek: Callable[[Sequence[type[AbstractEffect]]], Diagnosis]) 
 
     def diagnosed() -> Diagnosis:
         first = seek(CATALOGUE)
-        if first.missing_in_noise <= MISSING or first.share_left <= EXPLAINED:
+        if first.missing_in_noise <= MUCH or first.share_left <= EXPLAINED:
             return first
         second = seek((*CATALOGUE, *EXTENSION, *reading_effects(type(first.declared))))
         seconds = first.seconds + second.seconds

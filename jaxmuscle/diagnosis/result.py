@@ -154,11 +154,11 @@ class Diagnosis:
         share_left: of the worst residual, as the logarithm of its size in noise units, what the added effects
             leave; 1 without any.
         declared: the machine as declared, fitted to all training data.
-        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it
-            with ``noise="discrepancy"``; `None` where the card is sure of everything and nothing was added.
-            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out,
-            noise="discrepancy")`` gives the values again; without the masks it fits the held-out rows too,
-            which must not have a say here.
+        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
+            `None` where the card is sure of everything and nothing was added.
+            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
+            again; without the masks it fits the held-out rows too, which must not have a say here. Where a
+            value contradicted the card the fit was made with ``noise="discrepancy"``, as its `settings` tell.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.

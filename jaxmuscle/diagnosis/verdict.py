@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from jaxmuscle.diagnosis.candidates import VIOLATED
 from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
@@ -16,13 +17,14 @@ and 0.8 (a test machine whose imposed position and pressure are as measured)."""
 IMITATED = 0.5
 """Share of the residual (:func:`share_left`) that effects may leave where they leave something unexplained:
 with more, they imitate part of something else."""
+MUCH = 3.0
+"""Root mean square of what is missing, in units of the noise, from which a diagnosis goes on to seek it among
+more effects than the usual ones."""
 EXPLAINED = 0.3
 """Share up to which effects that leave something are taken to be the right ones all the same: a rough bearing
 leaves a few noise units of several hundred."""
 SURE = 2.0
 """Standard deviations by which the strength of an effect has to differ from none."""
-VIOLATED = 3.0
-"""Standard deviations of the card from which a fitted value contradicts it."""
 
 Errors = Mapping[str, Mapping[str, Error]]
 
@@ -67,7 +69,10 @@ def differs_from_none(strength: Estimate) -> bool:
 
 
 def violated_priors(final: FitResult | None, priors: Mapping[str, Prior]) -> dict[str, float]:
-    """Name of each value that is further than :data:`VIOLATED` from the card's → by how many of its std."""
+    """Name of each value that contradicts the card → its distance in standard deviations of the card.
+
+    It does beyond :data:`~jaxmuscle.diagnosis.candidates.VIOLATED` of them.
+    """
     found = {}
     for name, entry in final.parameters.items() if final else ():
         prior = priors.get(entry.path)

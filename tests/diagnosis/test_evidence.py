@@ -74,7 +74,8 @@ def null_p_values(rng, models, correlation, stretch, tries=250):
     """Smallest p-value of several models that differ from the first one by chance only."""
 
     def line():
-        return lfilter([np.sqrt(1 - correlation**2)], [1.0, -correlation], rng.normal(size=BLOCKS))
+        white = np.sqrt(1 - correlation**2) * rng.normal(size=BLOCKS)
+        return np.asarray(lfilter([1.0], [1.0, -correlation], white))
 
     found = []
     for _ in range(tries):
@@ -138,7 +139,7 @@ def test_nothing_to_compare():
 def test_correlated_blocks(correlation, least, most):
     """Of a first-order autoregression the time is (1 + a)/(1 - a): 9 for 0.8."""
     rng = np.random.default_rng(3)
-    line = lfilter([1.0], [1.0, -correlation], rng.normal(size=400))
+    line = np.asarray(lfilter([1.0], [1.0, -correlation], rng.normal(size=400)))
     assert least <= correlated_blocks(line[None]) <= most
 
 

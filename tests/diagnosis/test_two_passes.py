@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from jaxmuscle.diagnosis.diagnose import LESS, _in_two_passes
-from jaxmuscle.diagnosis.verdict import MISSING
+from jaxmuscle.diagnosis.verdict import MUCH
 from jaxmuscle.effects import CATALOGUE, EXTENSION
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
@@ -41,12 +41,12 @@ def _no_sensors(monkeypatch):
 
 
 def test_the_usual_effects_are_enough_where_they_leave_nothing():
-    found, asked = passes(Outcome(MISSING, ("creep",)))
+    found, asked = passes(Outcome(MUCH, ("creep",)))
     assert found.added == ("creep",) and asked == [CATALOGUE]
 
 
 def test_a_little_of_much_is_no_reason_to_go_on():
-    found, asked = passes(Outcome(2.6, ("thread_friction",), share_left=0.14))
+    found, asked = passes(Outcome(4.6, ("thread_friction",), share_left=0.14))
     assert found.added == ("thread_friction",) and asked == [CATALOGUE]
 
 
