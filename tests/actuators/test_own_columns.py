@@ -100,7 +100,7 @@ def test_is_fitted_and_told_in_units(recording, tmp_path):
 
 def test_is_diagnosed_and_reported(tmp_path):
     """The bearing of the measured fan is damped; the declared one is not."""
-    recording = jm.read(written(tmp_path, measured(300, damping=DAMPING)))
+    recording = jm.read(written(tmp_path, measured(900, damping=DAMPING)))
     found = jm.diagnose(recording, catalogue=(LoadDamping, CommandDelay))
     assert [effect.name for effect in found.effects] == ["load_damping"]
     strength = found.effects[0].parameters["coefficient"]
