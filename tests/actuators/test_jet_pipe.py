@@ -94,6 +94,7 @@ GENERIC = {
     "line_lag": {"time_constant": 0.0083},
     "dead_volume": {"volume": 2.1e-6},
     "gas_heating": {"share": 0.37, "thermal_time": 0.21},
+    "force_sensor_nonlinearity": {"cubic": 1.3e-6},
 }
 SCALES = {"offset": 1e-3, "receiver_offset": 1e-4}
 

@@ -69,7 +69,10 @@ def laid_out(recording, **asked):
         ),
         ({"priors": {"end_factor": (-1.0, 0.1)}}, "its mean, -1, contradicts the bounds 0 to inf"),
         ({"loss": "hubert"}, "loss: unknown 'hubert'; did you mean 'huber'"),
-        ({"noise": "guess"}, "noise: expected 'estimated' or a mapping of columns to values; got 'guess'"),
+        (
+            {"noise": "guess"},
+            "noise: expected 'estimated', 'discrepancy' or a mapping of columns to values; got 'guess'",
+        ),
         ({"noise": {"torque": 1.0}}, "noise: unknown column 'torque'; expected one of"),
         ({"noise": {"force": -1.0}}, r"noise\['force'\]: expected a standard deviation above zero"),
         ({"starts": 0}, "starts: expected a whole number from 1 on; got 0"),
@@ -86,7 +89,10 @@ def laid_out(recording, **asked):
         ({"continuation": (6, 30)}, r"expected factors that fall from wide to narrow.*got \(6, 30\)"),
         ({"priors": [("end_factor", 1.3, 0.1)]}, "priors: expected a mapping of names"),
         ({"bounds": [(1, 2)]}, "bounds: expected a mapping of names"),
-        ({"noise": 0.8}, "noise: expected 'estimated' or a mapping of columns to values; got 0.8"),
+        (
+            {"noise": 0.8},
+            "noise: expected 'estimated', 'discrepancy' or a mapping of columns to values; got 0.8",
+        ),
         ({"noise": {"force": "1 N"}}, r"noise\['force'\]: expected a standard deviation above zero"),
         ({"budget": -1.0}, "budget: expected a number of seconds, or None for no limit; got -1.0"),
         ({"budget": np.nan}, "budget: expected a number of seconds"),

@@ -13,6 +13,7 @@ from oracles.robot_bench import AMBIENT, machine
 
 from jaxmuscle import describe, simulate
 from jaxmuscle.actuators import Held
+from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.components.cylinder import positive_part
 from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.effects.base import initial_states
@@ -33,7 +34,8 @@ STATE = {
 def field(actuator):
     """Rates of all states at a moving state, effects at rest."""
     held = Held(STATE["pressure"], None, {})
-    states, memory = initial_states(actuator.effects, machine().signals({**STATE, "effects": {}}, held))
+    before = sensing(actuator, machine().signals({**STATE, "effects": {}}, held))
+    states, memory = initial_states(actuator.effects, before)
     command = STATE["pressure"]
     past = Past(jnp.stack([command] * 2), jnp.asarray(0), jnp.asarray(2e-3), command)
     held = Held(STATE["pressure"], past, memory, time=jnp.asarray(7.0))
