@@ -25,14 +25,16 @@ from diagnosis_score import VERDICTS, score, totals
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import BY_NAME
+from jaxmuscle.effects.readings import KINDS
 from jaxmuscle.errors import InputError
 
 PRACTICE = Path(__file__).parents[2] / "shared" / "recordings" / "practice"
 
 
 def names(rig: str) -> set[str]:
-    """Effects that the catalogue can offer for a rig."""
-    return {name for name, effect in BY_NAME.items() if rig in RIGS and RIGS[rig].offers(effect)}
+    """Effects that a diagnosis of a rig may find, errors of its sensors by their kind."""
+    offered = {name for name, effect in BY_NAME.items() if rig in RIGS and RIGS[rig].offers(effect)}
+    return offered | {*KINDS}
 
 
 def scored(path: Path) -> dict[str, Any] | None:
@@ -44,7 +46,7 @@ def scored(path: Path) -> dict[str, Any] | None:
         return None
     found = jm.diagnose(recording)
     truth = json.loads(path.with_suffix(".truth.json").read_text())["effect"]
-    effects, rig = [effect.name for effect in found.effects], recording.card.rig
+    effects, rig = [effect.kind for effect in found.effects], recording.card.rig
     return {
         "figure": f"{path.stem}: effect and verdict right, nothing added falsely", "recording": path.stem,
         "rig": rig, **score(truth, effects, found.verdict, names(rig)), "ours": found.verdict,
