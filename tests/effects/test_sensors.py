@@ -71,7 +71,8 @@ def test_backlash_is_a_play_operator(true):
     # Reversals between samples: within a step of the motion there.
     np.testing.assert_allclose(found["position"], expected, atol=2e-5)
     assert np.ptp(found["position"] - true["position"]) > 1.9 * half
-    np.testing.assert_array_equal(found["pressure"], true["pressure"])
+    # Two programs may contract a product and a sum differently: the last bits.
+    np.testing.assert_allclose(found["pressure"], true["pressure"], rtol=1e-13)
 
 
 @pytest.mark.parametrize("width", [0.0, 2e-4])

@@ -8,12 +8,22 @@ from oracles import bench
 
 from jaxmuscle.actuators import Held
 from jaxmuscle.actuators.sensing import sensed, sensing
-from jaxmuscle.effects import AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.effects import FURTHER, AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.effects.base import initial_states
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.signals import Past
 
-PAIRS = [(rig, effect) for rig in bench.BLANKS for effect in bench.offered(rig)]
+
+def _pairs():
+    """Rigs and effects: those of the catalogue on every rig, each further one on one rig, in turn."""
+    found = [(rig, effect) for rig in bench.BLANKS for effect in bench.sought(rig)]
+    for number, effect in enumerate(FURTHER):
+        rigs = [rig for rig in bench.BLANKS if bench.BLANKS[rig].offers(effect)]
+        found.append((rigs[number % len(rigs)], effect))
+    return found
+
+
+PAIRS = _pairs()
 IDS = [f"{rig}-{effect.name}" for rig, effect in PAIRS]
 LANES, ROW = 6, 3
 RANDOM = {
