@@ -31,7 +31,6 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
-from jaxmuscle.estimation.prepare import DISCREPANCY
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
@@ -172,8 +171,7 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
     """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
 
-    Where a value then contradicts the card, what the model leaves is counted as uncertainty. It carries the
-    other candidates at zero strength, so that the programs of the search serve it.
+    It carries the other candidates at zero strength, so that the programs of the search serve it.
     """
     model = bench.dressed(outcome.model, names)
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
@@ -183,8 +181,6 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
     program, given = bench.program(model), (case.recording,)
     found = estimate(model, given, asked, unused, Method(program=program))
-    if violated_priors(found, case.priors):
-        found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
     lean = _lean(bench, found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 

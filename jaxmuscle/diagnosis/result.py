@@ -157,8 +157,7 @@ class Diagnosis:
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
             `None` where the card is sure of everything and nothing was added.
             ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
-            again; without the masks it fits the held-out rows too, which must not have a say here. Where a
-            value contradicted the card the fit was made with ``noise="discrepancy"``, as its `settings` tell.
+            again; without the masks it fits the held-out rows too, which must not have a say here.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.

@@ -307,7 +307,7 @@ def fit(
         noise: column → standard deviation of its sensor, in place of the card's; "estimated" for the size of
             the residuals themselves, in each recording; "discrepancy" for the sensor's and beside it, with
             its correlation, what the model leaves, so that priors keep their weight where the model is
-            incomplete (:func:`~jaxmuscle.estimation.weights.with_discrepancy`; a diagnosis ends with it); by
+            incomplete (:func:`~jaxmuscle.estimation.weights.with_discrepancy`); by
             default the card's, or what the fourth differences of the data show.
         starts: how many (the machine's own, then a Latin hypercube over the priors), or each one's values.
         shared, per_recording: names with one value for all recordings, and with one for each. By default

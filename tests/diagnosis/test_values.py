@@ -23,7 +23,7 @@ SMALL = 0.1
 def refitted(diagnosis, recording, **how):
     """Distance of each value of the report from that of a fit of its model, in the report's deviations."""
     masks = diagnosis.traces.held_out
-    fit = jm.fit(diagnosis.model, recording, masks=masks, noise=diagnosis.fit.settings["noise"], **how)
+    fit = jm.fit(diagnosis.model, recording, masks=masks, **how)
     assert fit.code in SETTLED
     reported = diagnosis.parameters
     return {name: (v - reported[name].value) / reported[name].std for name, v in fit.values.items()}
