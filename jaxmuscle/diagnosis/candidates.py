@@ -18,7 +18,6 @@ from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.parameter_layout import unknown_within
 from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
-from jaxmuscle.estimation.weights import with_discrepancy
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Tolerances, descend
 from jaxmuscle.parallel import on_all_cores
@@ -109,10 +108,6 @@ FALL = 3e-5
 With ten times as much, practice recording 14 ends at a tenth more cost, and an effect is found that is not
 there.
 """
-VIOLATED = 3.0
-"""Standard deviations of the card from which a fitted value contradicts it."""
-REWEIGHTED = 2
-"""Times that the weights of a fit are taken anew from what it leaves."""
 SETTLED = (CONVERGED, STALLED)
 """How a fit ends that more steps would not carry on."""
 
@@ -213,8 +208,7 @@ class Workbench:
     ) -> tuple[AbstractActuator, Lane]:
         """The best of the fits that begin at several models."""
         fits = on_all_cores(lambda start: self.fit(start, effects, problem, steps), starts)
-        best = min(fits, key=lambda fit: fit[1].cost)
-        return self.fit(best[0], effects, problem, steps, discrepancy=True)
+        return min(fits, key=lambda fit: fit[1].cost)
 
     def fit(
         self,
@@ -223,17 +217,12 @@ class Workbench:
         problem: Problem,
         steps: int,
         slow: float = 0.0,
-        discrepancy: bool = False,
     ) -> tuple[AbstractActuator, Lane]:
         """`model` with its declared parameters and those of `effects` fitted to `problem`.
 
         A search compares costs that differ by more than the last steps to a minimum would lower them: a
         descent ends when its next step is expected to lower the cost by less than :data:`FALL` of it, or
         when several steps together have lowered it by less than `slow` of it.
-
-        Args:
-            discrepancy: where a value then contradicts the card, fit again with what is left counted as
-                uncertainty (:func:`~jaxmuscle.estimation.weights.with_discrepancy`).
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
@@ -243,18 +232,7 @@ class Workbench:
         ends = Tolerances(fall=FALL, slow=slow)
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
         (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
-        contradicts = discrepancy and self.contradicting(moved_machine(model, unknowns, lane.u, 0))
-        for _ in range(REWEIGHTED if contradicts else 0):
-            reweighted = with_discrepancy(objective, lane.u)
-            (lane,) = descend(reweighted.at, lane.u[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane
-
-    def contradicting(self, model: AbstractActuator) -> bool:
-        """Whether a declared parameter is further from the card than :data:`VIOLATED` standard deviations."""
-        return any(
-            abs(float(get(model, path)) - prior.mean) > VIOLATED * prior.std
-            for path, prior in self.priors.items()
-        )
 
     def compile_stateful(self, problem: Problem) -> None:
         """Have the programs for candidates with a state compiled; nothing if there is none."""

@@ -141,7 +141,7 @@ def _diagnosed(
     parts = _with_spread(prepared, parts, declared)
     declared, _ = bench.fit(declared, [], parts, FIT_STEPS)
     training = _with_spread(prepared, prepared.training, declared)
-    declared, minimum = bench.fit(declared, [], training, FIT_STEPS, discrepancy=True)
+    declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
     model, found, rounds, folds = declared, [], [], ()
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from jaxmuscle.diagnosis.candidates import VIOLATED
 from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
@@ -25,6 +24,8 @@ EXPLAINED = 0.3
 leaves a few noise units of several hundred."""
 SURE = 2.0
 """Standard deviations by which the strength of an effect has to differ from none."""
+VIOLATED = 3.0
+"""Standard deviations of the card from which a fitted value contradicts it."""
 
 Errors = Mapping[str, Mapping[str, Error]]
 
@@ -71,7 +72,7 @@ def differs_from_none(strength: Estimate) -> bool:
 def violated_priors(final: FitResult | None, priors: Mapping[str, Prior]) -> dict[str, float]:
     """Name of each value that contradicts the card → its distance in standard deviations of the card.
 
-    It does beyond :data:`~jaxmuscle.diagnosis.candidates.VIOLATED` of them.
+    It does beyond :data:`VIOLATED` of them.
     """
     found = {}
     for name, entry in final.parameters.items() if final else ():
