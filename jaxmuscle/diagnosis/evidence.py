@@ -147,11 +147,6 @@ def _signs(stretches: int) -> Float[np.ndarray, "flips stretches"]:
     return 2.0 * bits - 1
 
 
-def least_p_value(stretches: int) -> float:
-    """The smallest p-value that so many stretches can show: with all of them in favour."""
-    return max(0.5**stretches, 1 / FLIPS)
-
-
 def block_means(
     residuals: Mapping[str, ArrayLike], weights: Mapping[str, ArrayLike], block: Blocks
 ) -> Float[np.ndarray, "columns blocks"]:
