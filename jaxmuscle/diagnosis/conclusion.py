@@ -213,6 +213,8 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
         p_value=candidate.evidence.p_value,
         kind=effect.kind,
         column=effect.column,
+        test=candidate.evidence.test,
+        stretches=candidate.evidence.stretches,
     )
 
 

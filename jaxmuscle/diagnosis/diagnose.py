@@ -41,12 +41,6 @@ from jaxmuscle.recordings.recording import Recording
 MOST_EFFECTS = 3
 LESS = 0.8
 """Ratio of what two sets of effects leave up to which the larger set counts."""
-LEAST_GAIN = 0.05
-"""Part of the excess error on unseen windows that an effect must remove: a candidate that removes less where
-it is fitted is not judged."""
-LARGEST_P = 0.01
-"""p-value, of all candidates together, up to which the first effect is added; half of that for the second, a
-quarter for the third."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
 TOLD_APART = 0.05
@@ -172,17 +166,11 @@ def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> 
 
 
 def _supported(ranking: Ranking, found: int) -> Candidate | None:
-    """The best candidate, if unseen windows support it; `found`: effects that were added before.
-
-    Its p-value allows for all candidates of the round. Every round is another chance to be misled: each may
-    spend half of what the one before could, so that all of them together stay below twice
-    :data:`LARGEST_P`.
-    """
+    """The best candidate, if unseen windows support it; `found`: effects that were added before."""
     if not ranking.candidates:
         return None
     best = ranking.candidates[0]
-    supported = best.evidence.gain >= LEAST_GAIN and best.evidence.p_value <= LARGEST_P / 2**found
-    return best if supported else None
+    return best if best.evidence.supports(found) else None
 
 
 def _told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
@@ -203,6 +191,8 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.evidence.loss,
             not candidate.judged or _told_apart(candidate, first, ranking.stretch),
             candidate.judged,
+            candidate.evidence.test,
+            candidate.evidence.stretches,
         )
         for candidate in ranking.candidates
     )

@@ -31,21 +31,45 @@ def blocks(windows: int, samples: int, period: int) -> Blocks:
     return np.arange(windows)[:, None] * (within[-1] + 1) + within
 
 
+SIGN_FLIPS, LIKELIHOOD_RATIO = "sign flips", "likelihood ratio"
+LARGEST_P = {SIGN_FLIPS: 0.01, LIKELIHOOD_RATIO: 1e-4}
+"""Test → p-value, of all candidates together, up to which the first effect is added; half of that for the
+second, a quarter for the third. A likelihood ratio has to be clearer: its distribution is approximate."""
+LEAST_GAIN = {SIGN_FLIPS: 0.05, LIKELIHOOD_RATIO: 0.3}
+"""Test → part of the excess error on unseen windows that an effect must remove. Over a few stretches chance
+removes more, and a likelihood ratio says only that something is missing, not that it is this."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Evidence:
     """Comparison of two models on data that neither was fitted to.
 
     Attributes:
         gain: part of the excess error that the second model removes; negative if it is worse.
-        p_value: of the sign-flip test, one-sided, for all models that were compared together; 1 where
-            nothing was tested.
+        p_value: one-sided, for all models that were compared together; 1 where nothing was tested.
         loss: geometric mean over blocks of 1 + the mean square of the weighted residuals, less one; 1 is
             what the sensors' noise leaves.
+        stretches: how many stretches of the recording tell the two models apart.
+        test: which test the p-value is of, :data:`SIGN_FLIPS` or :data:`LIKELIHOOD_RATIO`.
     """
 
     gain: float
     p_value: float
     loss: float
+    stretches: int = 0
+    test: str = SIGN_FLIPS
+
+    def supports(self, found: int) -> bool:
+        """Whether it is enough to add an effect, when so many were found before.
+
+        Every round is another chance to be misled: each may spend half of what the one before could, so that
+        all of them together stay below twice the first one's limit.
+        """
+        return self.gain >= LEAST_GAIN[self.test] and self.p_value <= LARGEST_P[self.test] / 2**found
+
+    def too_few_stretches(self, found: int) -> bool:
+        """Whether no outcome of the sign-flip test could support an effect."""
+        return 0.5**self.stretches > LARGEST_P[SIGN_FLIPS] / 2**found
 
 
 def block_losses(
@@ -88,8 +112,8 @@ def compare(before: Losses, others: Sequence[Losses], stretch: int = 1) -> list[
     scores = [signed_ranks(_by_stretch(before, after, stretch)) for after in others]
     p_values = sign_flip_test(np.array(scores))
     return [
-        Evidence(gain(before, after), p_value, float(np.expm1(after.mean())))
-        for after, p_value in zip(others, p_values, strict=True)
+        Evidence(gain(before, after), p_value, float(np.expm1(after.mean())), int(np.count_nonzero(score)))
+        for after, p_value, score in zip(others, p_values, scores, strict=True)
     ]
 
 
@@ -102,7 +126,10 @@ def _by_stretch(before: Losses, after: Losses, stretch: int) -> Float[np.ndarray
 
 
 EQUAL = 1e-9
-"""Difference of two losses that is rounding."""
+"""Difference of two sums of scores that is rounding."""
+ALIKE = 1e-3
+"""Difference of two losses up to which a stretch does not tell two models apart: a thousandth of its mean
+square."""
 
 
 def signed_ranks(falls: Float[np.ndarray, " stretches"]) -> Float[np.ndarray, " stretches"]:
@@ -110,7 +137,7 @@ def signed_ranks(falls: Float[np.ndarray, " stretches"]) -> Float[np.ndarray, " 
 
     Wilcoxon's scores (Biometrics Bulletin 1, 1945): a stretch of a huge error decides no more than another.
     """
-    there = np.abs(falls) > EQUAL
+    there = np.abs(falls) > ALIKE
     ranks = np.zeros(len(falls))
     ranks[there] = np.sign(falls[there]) * rankdata(np.abs(falls[there]))
     return ranks / max(float(np.sqrt((ranks**2).sum())), 1e-300)

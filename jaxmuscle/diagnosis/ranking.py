@@ -17,11 +17,13 @@ from jaxmuscle.diagnosis.candidates import (
     Workbench,
     carries_state,
     linear_strength,
+    paths_of,
     shapes,
     strength_path,
     strengths,
 )
 from jaxmuscle.diagnosis.evidence import (
+    LIKELIHOOD_RATIO,
     SAFE,
     Blocks,
     Evidence,
@@ -33,6 +35,7 @@ from jaxmuscle.diagnosis.evidence import (
     correlated_blocks,
     gain,
 )
+from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -139,7 +142,7 @@ STEPS = 60
 """Most steps of a fit on the windows of a fold."""
 PROMISING = 0.05
 """Part of the excess error that a candidate has to remove on the windows that it is fitted to, to be judged
-on others: half of what an effect has to remove there."""
+on others."""
 FAR, FIRST = 2.0, 3
 """A candidate that leaves so many times as much excess error as the best one, where it is fitted, is not
 judged on other windows either, unless it is among the first so many."""
@@ -229,6 +232,8 @@ def rank(
     losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
     refitted = [tuple(model for _, model in parts) for parts in each]
     evidence = compare(losses[0], losses[1:], folds.stretch)
+    if any(told.too_few_stretches(len(accepted)) for told in evidence):
+        evidence = _by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
     tried = [
         Candidate(effect, told, own, found, models)
         for (effect, found), told, own, models in zip(
@@ -237,6 +242,33 @@ def rank(
     ]
     ranked = [*sorted(tried, key=_loss), *sorted(left, key=_loss)]
     return Ranking(_typical(losses[0]), refitted[0], tuple(ranked), folds.stretch)
+
+
+def _by_likelihood(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    problem: Problem,
+    promising: Sequence[tuple[type[AbstractEffect], AbstractActuator]],
+    evidence: Sequence[Evidence],
+    tried: int,
+) -> list[Evidence]:
+    """The evidence, with the p-value of a likelihood ratio where too few stretches tell the models apart.
+
+    Args:
+        promising: candidates and models with them, fitted to everything.
+        tried: candidates that were searched, which the p-value allows for (Bonferroni).
+    """
+    starts = (model, bench.with_card_values(model))
+    before = bench.residuals(bench.best_fit(starts, accepted, problem, STEPS)[0], problem)
+    found = []
+    for (effect, larger), told in zip(promising, evidence, strict=True):
+        if told.too_few_stretches(len(accepted)):
+            after, parameters = bench.residuals(larger, problem), len(paths_of(larger, effect.name))
+            p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
+            told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
+        found.append(told)
+    return found
 
 
 def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> Losses:

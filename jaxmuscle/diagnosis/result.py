@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.formatting import aligned, estimate, quantity
 from jaxmuscle.recordings.recording import Recording
@@ -32,8 +33,9 @@ class FoundEffect:
     """An effect that was added: its parameters and the evidence on data not used for fitting.
 
     `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
-    removed; `p_value` of that. `kind`: name of the effect in the catalogue; of an error of a sensor
-    (`name` ``sensor_offset_pressure``) without its `column`.
+    removed; `p_value` of that, by the `test` named, and number of `stretches` of the recording that tell the
+    models with it and without it apart. `kind`: name of the effect in the catalogue; of an error of a
+    sensor (`name` ``sensor_offset_pressure``) without its `column`.
     """
 
     name: str
@@ -45,6 +47,8 @@ class FoundEffect:
     p_value: float
     kind: str = ""
     column: str | None = None
+    test: str = SIGN_FLIPS
+    stretches: int = 0
 
     def __post_init__(self) -> None:
         """Without another kind it is of that of its name."""
@@ -60,6 +64,7 @@ class Alternative:
     `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
     `judged`: whether it was tried on unseen windows; one that was not counts as told apart, and its gain,
     p-value and loss are those on the windows that it was fitted to, where it removed too little.
+    `test`, `stretches`: as of :class:`FoundEffect`.
     """
 
     name: str
@@ -69,6 +74,8 @@ class Alternative:
     loss: float
     told_apart: bool
     judged: bool = True
+    test: str = SIGN_FLIPS
+    stretches: int = 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -249,8 +249,7 @@ def search(task: Search) -> Found:
         parts = dataclasses.replace(objective, stations=stations)
         lanes = descend_distinct(parts, points, failed, first, counted.on(stage))
     objective = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
-    points, failed = ends(lanes)
-    lanes = descend_distinct(objective, points, failed, limits, counted.on("whole windows"))
+    lanes = _on_whole_windows(objective, task.points[0], lanes, limits, counted.on("whole windows"))
     winner = winner_of(lanes)
     sharper = _sharper(objective, winner, task)
     if sharper is not objective:
@@ -268,6 +267,29 @@ def search(task: Search) -> Found:
         lanes = descend_distinct(objective, points, failed, limits, counted.on("weights from residuals"))
         winner = winner_of(lanes)
     return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+
+
+def _on_whole_windows(
+    objective: Objective,
+    begin: Float[np.ndarray, " k"],
+    lanes: Sequence[Lane],
+    limits: Limits,
+    tell: Callable[[Course], None],
+) -> list[Lane]:
+    """Descend from where the parts of windows led, and from `begin` if the cost is less there.
+
+    `begin`, the first start, is the machine as it was given. It may come from a fit: where the cost has
+    several valleys (joints that stick), parts of windows may lead out of the best one.
+    """
+    points, failed = ends(lanes)
+    if 0 in failed:
+        return descend_distinct(objective, points, failed, limits, tell)
+    there, here = objective.at(np.stack([points[0], begin]))
+    if not (here.finite and here.cost < there.cost):
+        return descend_distinct(objective, points, failed, limits, tell)
+    *found, own = descend_distinct(objective, np.vstack([points, begin]), failed, limits, tell)
+    found[0] = winner_of([found[0], own])
+    return found
 
 
 def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:

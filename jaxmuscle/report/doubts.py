@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from jaxmuscle import formatting
+from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.diagnosis.result import Diagnosis, FoundEffect
 from jaxmuscle.diagnosis.verdict import MISSING
 from jaxmuscle.formatting import capital, parameter_words, words
@@ -23,11 +24,28 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
             f"About {formatting.rounded(diagnosis.missing_in_noise)} times the sensor noise is still missing "
             f"where the model was fitted."
         )
+    found += _few_stretches(diagnosis)
     found += [
         f"{capital(words(name))} helped on unseen training windows and was taken out again: {why}."
         for name, why in diagnosis.refused.items()
     ]
     return found + [told for effect in diagnosis.added for told in _undetermined(diagnosis, effect)]
+
+
+def _few_stretches(diagnosis: Diagnosis) -> list[str]:
+    """What too short a recording, or one in which little moves, cannot show."""
+    found = []
+    for each in diagnosis.rounds:
+        best = each.ranking[0]
+        if best.judged and best.test == LIKELIHOOD_RATIO:
+            least = formatting.rounded(0.5**best.stretches)
+            found.append(
+                f"Only {best.stretches} stretches of this recording tell models with and without "
+                f"{words(best.name)} apart: on unseen windows no p-value below {least} could come out. A "
+                f"likelihood ratio judged instead, which takes the noise for what it seems to be. A "
+                f"recording with more movement would tell."
+            )
+    return found
 
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:

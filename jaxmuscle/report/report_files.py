@@ -72,7 +72,7 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         **({"column": effect.column} if effect.column else {}),
         "signal": effect.signal,
         "parameters": _estimates(effect.parameters),
-        "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value},
+        "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value, "test": effect.test},
     }
 
 

@@ -8,8 +8,8 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.diagnose import LARGEST_P, LEAST_GAIN, _supported, diagnose
-from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.diagnose import _supported, diagnose
+from jaxmuscle.diagnosis.evidence import LARGEST_P, LEAST_GAIN, LIKELIHOOD_RATIO, SIGN_FLIPS, Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
 from jaxmuscle.effects import LoadFriction
 from jaxmuscle.parameters import parameters
@@ -31,8 +31,8 @@ def test_lift_lacks_load_friction(lift):
     assert diagnosis.converged
     first = diagnosis.effects[0]
     assert (first.name, first.signal) == ("load_friction", "load")
-    assert first.p_value < LARGEST_P
-    assert LEAST_GAIN < first.gain <= 1.0
+    assert first.p_value < LARGEST_P[SIGN_FLIPS]
+    assert LEAST_GAIN[SIGN_FLIPS] < first.gain <= 1.0
 
 
 def test_lift_strength(lift):
@@ -166,6 +166,19 @@ def test_what_supports_an_effect(loss, gain, p_value, found, accepted):
     best = candidate(gain, p_value)
     ranking = Ranking(loss, (), (best, candidate(0.0, 1.0)), 1)
     assert _supported(ranking, found) is (best if accepted else None)
+
+
+@pytest.mark.parametrize(
+    ("gain", "p_value", "enough"), [(0.4, 1e-5, True), (0.4, 1e-3, False), (0.2, 0.0, False)]
+)
+def test_a_likelihood_ratio_has_to_be_clearer(gain, p_value, enough):
+    assert Evidence(gain, p_value, 1.0, 4, LIKELIHOOD_RATIO).supports(0) is enough
+
+
+def test_stretches_that_are_too_few_for_any_outcome():
+    """2^-7 is below a hundredth, 2^-6 is not; every further effect needs one more."""
+    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(0) for n in (6, 7)] == [True, False]
+    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(1) for n in (7, 8)] == [True, False]
 
 
 def test_the_best_candidate_or_none():

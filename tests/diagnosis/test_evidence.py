@@ -127,6 +127,14 @@ def test_few_stretches_are_counted_exactly_and_cannot_show_much():
     assert sign_flip_test(both) == [2 / 16, 2 / 16]
 
 
+def test_stretches_that_tell_the_models_apart_are_counted():
+    before, after = losses(5 * JITTER), losses(5 * JITTER).copy()
+    after[:, 10:14] -= 0.5
+    after[:, 20] += 1e-4  # too little to tell anything
+    found = one(before, after)
+    assert (found.stretches, found.p_value) == (4, pytest.approx(1 / 16, rel=0.1))
+
+
 def test_nothing_to_compare():
     assert compare(losses(5.0), []) == []
     assert gain(losses(0.5), losses(0.4)) == 0.0

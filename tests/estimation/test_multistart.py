@@ -1,6 +1,7 @@
 """From bad starts to the minimum: parts of windows first, and a joint that sticks and slips."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from oracles.joint import joint
 
 import jaxmuscle as jm
 from jaxmuscle.estimation.dataset import station
-from jaxmuscle.estimation.multistart import stages
+from jaxmuscle.estimation.multistart import _on_whole_windows, stages
+from jaxmuscle.optimization.levenberg_marquardt import Lane, Limits, Local
 
 
 def test_windows_are_cut_as_long_as_parts_have_samples():
@@ -59,3 +61,29 @@ def test_every_start_reaches_the_minimum_of_a_joint_that_sticks():
     assert sum(start.reached for start in result.starts) >= 7
     for name, value in true.items():
         assert abs(result.parameters[name].value - value) < 4 * result.std[name], name
+
+
+class TwoValleys:
+    """Half the squares of x² - 1 and 0.3 (x - 1): a minimum near -0.95, and a lower one at 1."""
+
+    def at(self, points):
+        return [self._local(float(x)) for x in points[:, 0]]
+
+    def _local(self, x):
+        residual, slope = np.array([x**2 - 1, 0.3 * (x - 1)]), np.array([2 * x, 0.3])
+        return Local(
+            0.5 * float(residual @ residual), np.array([slope @ residual]), np.array([[slope @ slope]]), 0
+        )
+
+
+@pytest.mark.parametrize(("begin", "led", "end"), [(0.9, -0.9, 1.0), (-0.9, 0.9, 1.0), (0.0, -0.9, -0.952)])
+def test_a_start_that_is_better_than_where_parts_led_is_kept(begin, led, end):
+    """A machine that was fitted before does not lose its valley; a start that is worse decides nothing."""
+    there = np.array([led])
+    lanes, limits = (
+        [Lane(there, np.zeros(1, bool), there)],
+        Limits(-np.full(1, np.inf), np.full(1, np.inf), 50, 1),
+    )
+    objective: Any = TwoValleys()
+    (found,) = _on_whole_windows(objective, np.array([begin]), lanes, limits, lambda course: None)
+    assert found.u[0] == pytest.approx(end, abs=0.01)

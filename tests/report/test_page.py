@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from report.fake import diagnosis
 
+from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
+from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
 from jaxmuscle.report.style import extremes
@@ -120,3 +122,13 @@ def test_doubts_stand_in_a_box_at_the_top() -> None:
     assert "End factor comes out 4.2 standard deviations from the card" in box
     assert "Creep helped on unseen training windows and was taken out again" in box
     assert "<b>Doubts</b>" not in page(diagnosis("complete"))
+
+
+def test_few_stretches_are_told() -> None:
+    found = diagnosis("effects found")
+    (first, *others), *rest = found.rounds[0].ranking, *found.rounds[1:]
+    few = dataclasses.replace(first, test=LIKELIHOOD_RATIO, stretches=4)
+    searches = (dataclasses.replace(found.rounds[0], ranking=(few, *others)), *rest)
+    told = doubts(dataclasses.replace(found, rounds=searches))
+    assert any("Only 4 stretches" in each and "below 0.06" in each for each in told)
+    assert not any("stretches" in each for each in doubts(found))

@@ -190,7 +190,7 @@ def test_effects_and_alternatives() -> None:
             "name": "load_friction",
             "signal": "load",
             "parameters": {"force": {"value": 16.21, "std": 0.38, "unit": "N"}},
-            "evidence": {"held_out_gain": 0.93, "p_value": 1e-12},
+            "evidence": {"held_out_gain": 0.93, "p_value": 1e-12, "test": "sign flips"},
         }
     ]
     assert outcome["alternatives"][0] == {"name": "load_damping", "held_out_gain": 0.71, "told_apart": True}

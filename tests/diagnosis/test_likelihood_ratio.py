@@ -1,0 +1,64 @@
+"""Likelihood ratio of a candidate: uniform under the null, whatever the size and the memory of the noise."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
+
+WINDOWS, SAMPLES = 12, 250
+
+
+def fitted(values, basis):
+    """What least squares with the rows of `basis` leave of `values`."""
+    turned, _ = np.linalg.qr(basis.T)
+    return values - turned @ (turned.T @ values)
+
+
+def shaped(values):
+    return {"angle": values.reshape(WINDOWS, SAMPLES)}
+
+
+def p_value(rng, correlation, size, strength=0.0):
+    """Of two further parameters of a linear model, beside one it has anyway."""
+    time = np.linspace(0, 20, WINDOWS * SAMPLES)
+    own, more = np.ones((1, len(time))), np.stack([np.sin(time), np.sin(2.3 * time)])
+    white = np.sqrt(1 - correlation**2) * rng.normal(size=len(time))
+    values = size * np.asarray(lfilter([1.0], [1.0, -correlation], white)) + strength * more[0]
+    before, after = fitted(values, own), fitted(values, np.concatenate([own, more]))
+    weights = shaped(np.ones(len(time)))
+    return likelihood_ratio_test(shaped(before), shaped(after), weights, 2)
+
+
+@pytest.mark.parametrize(("correlation", "size"), [(0.0, 1.0), (0.0, 3.0), (0.8, 1.0), (0.9, 2.0)])
+def test_uniform_where_the_parameters_are_not_there(correlation, size):
+    rng = np.random.default_rng(1)
+    found = np.array([p_value(rng, correlation, size) for _ in range(200)])
+    assert kstest(found, "uniform").pvalue > 1e-3
+    assert np.mean(found < 0.01) <= 0.03
+
+
+def test_noise_smaller_than_the_sensors_is_not_believed():
+    found = [p_value(np.random.default_rng(seed), 0.0, 0.3) for seed in range(50)]
+    assert min(found) > 0.2
+
+
+def test_what_is_there_is_seen():
+    assert p_value(np.random.default_rng(2), 0.0, 1.0, strength=0.3) < 1e-10
+
+
+def test_rows_that_do_not_count_and_columns_without_any():
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(size=(2, WINDOWS, SAMPLES, 2))
+    weights = np.ones_like(before)
+    weights[:, 100:, 0], weights[..., 1] = 0.0, 0.0
+    spoilt = before.copy()
+    spoilt[:, 100:, 0], spoilt[..., 1] = 1e6, np.nan
+    given = [likelihood_ratio_test({"p": b}, {"p": after}, {"p": weights}, 1) for b in (before, spoilt)]
+    assert given[0] == given[1]
+
+
+def test_a_larger_model_that_fits_worse_shows_nothing():
+    zero, one = shaped(np.zeros(WINDOWS * SAMPLES)), shaped(np.ones(WINDOWS * SAMPLES))
+    assert likelihood_ratio_test(zero, one, one, 1) == 1.0
