@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -44,7 +44,7 @@ FIT_STEPS = 60
 class Outcome:
     """What the search found: the two fitted models, what was added, the searches, fits to each fold.
 
-    `ignored`: rows whose readings count for nothing; `None` for none.
+    `masks`: column → rows whose readings count for nothing.
     """
 
     declared: AbstractActuator
@@ -53,7 +53,7 @@ class Outcome:
     rounds: tuple[Round, ...]
     folds: tuple[AbstractActuator, ...]
     converged: bool
-    ignored: NDArray[np.bool_] | None = None
+    masks: Mapping[str, NDArray[np.bool_]]
 
 
 def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> dict[str, float]:
@@ -96,6 +96,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         effects=effects if holds else (),
         unconfirmed=() if holds else effects,
         refused=refused,
+        unused={column: int((~rows).sum()) for column, rows in case.usable.items() if not rows.all()},
         violated_priors=violated_priors(final, case.priors),
         missing_in_noise=may_miss,
         share_left=remaining,
@@ -178,7 +179,8 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     if not free:
         return None
     asked = Asked(free, priors=dict(priors))
-    unused = held_out_rows(case) | (False if outcome.ignored is None else outcome.ignored)
+    held_out, none = held_out_rows(case), np.zeros(len(case.recording), dtype=bool)
+    unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
     program, given = bench.program(model), (case.recording,)
     found = estimate(model, given, asked, unused, Method(program=program))
     lean = _lean(bench, found.actuator, names)

@@ -43,7 +43,7 @@ def variables(case: Case) -> dict[str, Series]:
     actuator, measured = case.actuator, case.observed.track.measured
     moving, within = moving_columns(case), columns_moving_within_a_segment(case)
     if not actuator.measured:
-        return {name: case.recording.columns[name] for name in actuator.commands if name in moving}
+        return {name: case.filled.columns[name] for name in actuator.commands if name in moving}
     named: dict[str, Series] = {}
     for state, columns in {
         **actuator.measured,
@@ -80,11 +80,12 @@ def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) ->
 
 
 def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of the training windows, and the fold of each."""
-    windows = case.windows
+    """Rows of the training windows whose readings all count, and the fold of each."""
+    windows, usable = case.windows, np.logical_and.reduce([*case.usable.values()])
     rows, folds = [], []
     for number in np.flatnonzero(~windows.held_out):
         inside = windows.rows[number] + np.flatnonzero(windows.mask[number])
+        inside = inside[usable[inside]]
         rows.append(inside)
         folds.append(np.full(len(inside), number % 2))
     return np.concatenate(rows), np.concatenate(folds)

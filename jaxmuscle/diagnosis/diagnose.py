@@ -32,10 +32,13 @@ from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.missing_data import Mask, usable
+from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem, case
 from jaxmuscle.parallel import in_background
 from jaxmuscle.progress import Meter, Progress, interruptible
+from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
 
 MOST_EFFECTS = 3
@@ -59,7 +62,7 @@ def diagnose(
     recording: Recording,
     *,
     held_out: float | NDArray[np.bool_] = 0.3,
-    ignored: NDArray[np.bool_] | None = None,
+    ignored: Mask | None = None,
     catalogue: Sequence[type[AbstractEffect]] | None = None,
     progress: Callable[[Progress], None] = _silent,
 ) -> Diagnosis:
@@ -76,7 +79,9 @@ def diagnose(
     Args:
         recording: as :func:`jaxmuscle.read` gives it.
         held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
-        ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle).
+        ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle), of all columns
+            or column → rows. Readings that are NaN do not count either, nor do single ones that stand out
+            from those beside them (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`; where
             these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`), a second diagnosis
             chooses among them, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors
@@ -116,14 +121,15 @@ def _in_two_passes(seek: Callable[[Sequence[type[AbstractEffect]]], Diagnosis]) 
 def _diagnosed(
     recording: Recording,
     held_out: float | NDArray[np.bool_],
-    ignored: NDArray[np.bool_] | None,
+    ignored: Mask | None,
     catalogue: Sequence[type[AbstractEffect]],
     meter: Meter,
 ) -> Diagnosis:
     """Arguments as of :func:`diagnose`."""
     require_double_precision("a diagnosis")
     begin = time.perf_counter()
-    prepared = case(recording, held_out, ignored)
+    masks = _masks(recording, ignored)
+    prepared = case(recording, held_out, masks)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared, candidates)
     parts = prepared.training.in_parts(PARTS)
@@ -155,8 +161,16 @@ def _diagnosed(
         model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
         meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
     meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED, ignored)
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED, masks)
     return conclude(prepared, bench, training, outcome, begin)
+
+
+def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.bool_]]:
+    """Column → rows that do not count: those to be ignored, and outliers of the sensor."""
+    actuator = actuator_from_card(recording.card)
+    good = usable(actuator, recording, ignored).good
+    masks = sensor_outliers(actuator, recording, recording.card.noise)
+    return {column: ~good[column] | masks.get(column, False) for column in good}
 
 
 def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> Problem:

@@ -98,7 +98,7 @@ def _of_link(
     readings: dict[str, Series],
     variance: dict[str, Series],
 ) -> MissingRate:
-    columns, step = case.recording.columns, case.recording.step
+    columns, step = case.filled.columns, case.recording.step
     names = model.outputs[link.output]
     unit = model.column(names[0]).unit
     values, spread = {}, {}

@@ -49,9 +49,7 @@ def moving_columns(case: Case) -> set[str]:
     """Columns that move over the training rows as a whole: within a segment, or from one to the next."""
     rows = np.concatenate(training_segments(case))
     return {
-        name
-        for name, values in case.recording.columns.items()
-        if not is_still(values[rows], _noise(case, name))
+        name for name, values in case.filled.columns.items() if not is_still(values[rows], _noise(case, name))
     }
 
 
@@ -60,7 +58,7 @@ def columns_moving_within_a_segment(case: Case) -> set[str]:
     segments = training_segments(case)
     return {
         name
-        for name, values in case.recording.columns.items()
+        for name, values in case.filled.columns.items()
         if not all(is_still(values[rows], _noise(case, name)) for rows in segments)
     }
 
@@ -101,12 +99,12 @@ def excited(
 
 
 def _noise(case: Case, column: str) -> float:
-    return case.recording.card.noise.get(column) or noise_level(case.recording.columns[column])
+    return case.recording.card.noise.get(column) or noise_level(case.filled.columns[column])
 
 
 def _with_still_signals_constant(case: Case, segments: Iterable[Rows]) -> tuple[Track, bool]:
     """The measured track with means, and no rates, where columns are still; whether any column is."""
-    actuator, columns = case.actuator, case.recording.columns
+    actuator, columns = case.actuator, case.filled.columns
     values = {name: np.array(array) for name, array in case.observed.track.measured.items()}
     rates = {base: rate for rate, base in actuator.derivatives.items()}
     changed = False

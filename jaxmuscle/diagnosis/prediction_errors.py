@@ -113,7 +113,7 @@ def noise_of(case: Case, column: str) -> float:
 
 
 def _error(case: Case, name: str, predicted: Line, rows: NDArray[np.bool_]) -> Error:
-    rows = rows & np.isfinite(predicted)
+    rows = rows & np.isfinite(predicted) & case.usable[name]
     measured = case.recording.columns[name][rows]
     rmse = float(np.sqrt(np.mean((predicted[rows] - measured) ** 2)))
     spread = float(measured.std())

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.estimation.missing_data import Mask, usable
+from jaxmuscle.estimation.missing_data import Mask
 from jaxmuscle.estimation.padding import in_buckets, longer, padded, vector_without_padding
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.windows import Problem, case
@@ -151,24 +151,16 @@ def station(
     Raises:
         InputError: too little of the recording can be used.
     """
-    found = usable(actuator, recording, mask)
     card = dataclasses.replace(recording.card, noise={**recording.card.noise, **noise})
-    prepared = case(dataclasses.replace(found.recording, card=card), found.cut, actuator=actuator, twice=True)
+    prepared = case(dataclasses.replace(recording, card=card), 0.0, mask, actuator, twice=True)
     problem = prepared.training
-    inside = problem.sample_rows
-    counts = {
-        out: ~rows[inside] if problem.weights[out].ndim > 2 else ~rows[inside][..., 0]
-        for out, rows in found.ignored.items()
-    }
     # A sensor without any noise would leave everything to its rounding.
-    weights = {
-        out: jnp.asarray(np.where(np.isfinite(w), w, 0.0) * counts[out]) for out, w in problem.weights.items()
-    }
+    weights = {out: jnp.asarray(np.where(np.isfinite(w), w, 0.0)) for out, w in problem.weights.items()}
     return Station(
         label,
         actuator,
         recording,
-        found.recording,
+        prepared.filled,
         problem.with_weights(weights),
         problem.samples,
         prepared.observed.spread,

@@ -106,11 +106,13 @@ class Usable:
 
     Attributes:
         recording: every unusable reading replaced, see :func:`jaxmuscle.estimation.missing_data.bridged`.
+        good: column of a sensor → rows with a reading that counts.
         ignored: output → column by column, rows whose residual does not count.
         cut: rows within long gaps of a measured state: no window begins or runs on there.
     """
 
     recording: Recording
+    good: dict[str, Rows]
     ignored: dict[str, Rows]
     cut: Rows
 
@@ -154,7 +156,8 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
                 f"recording {recording.name!r}: only {left} usable samples of {out} are left of "
                 f"{len(recording)}; expected at least {LEAST_ROWS}. Mask less, or leave the recording out"
             )
-    return Usable(_with_columns(recording, filled), ignored, cut)
+    good = {column: ~bad.get(column, none) for column in measured_columns(actuator)}
+    return Usable(_with_columns(recording, filled), good, ignored, cut)
 
 
 def noise_of_readings(

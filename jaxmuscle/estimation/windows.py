@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.free_parameters import Prior
+from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
@@ -61,9 +62,10 @@ class Windows:
         """Row that each sample of each window is, of a recording of `total` rows."""
         return sample_rows(self.rows, self.samples, total)
 
-    def ignoring(self, rows: Bool[np.ndarray, " all"]) -> Windows:
-        """The same windows without the given rows of the recording."""
-        return dataclasses.replace(self, mask=self.mask & ~np.asarray(rows)[self.sample_rows(len(rows))])
+    def only(self, chosen: Bool[np.ndarray, " windows"]) -> Windows:
+        """Some of the windows."""
+        parts = (self.rows[chosen], self.samples, self.mask[chosen], self.held_out[chosen])
+        return Windows(*parts, self.fixed)
 
 
 def sample_rows(
@@ -165,14 +167,23 @@ class Problem(eqx.Module):
         return self.with_weights({o: w * _along(samples, w) for o, w in self.weights.items()})
 
 
-def problem(observed: Observed, windows: Windows, substeps: int) -> Problem:
-    """Cut `observed` into `windows`, weighted by the sensors' noise."""
+def problem(
+    observed: Observed,
+    windows: Windows,
+    substeps: int,
+    ignored: Mapping[str, Bool[np.ndarray, "rows columns"]],
+) -> Problem:
+    """Cut `observed` into `windows`, weighted by the sensors' noise.
+
+    Args:
+        ignored: output → rows whose reading does not count, column by column.
+    """
     index = windows.sample_rows(observed.samples)
     targets = {out: np.asarray(values)[index] for out, values in observed.outputs.items()}
     # By NumPy, here and wherever a recording is made ready: JAX would compile every operation by itself.
     with np.errstate(divide="ignore", invalid="ignore"):
         weights = {
-            out: windows.mask.reshape(windows.mask.shape + (1,) * (target.ndim - 2))
+            out: (windows.mask[..., None] & ~ignored[out][index]).reshape(target.shape)
             / np.broadcast_to(np.asarray(observed.noise[out]), target.shape)
             for out, target in targets.items()
         }
@@ -203,12 +214,17 @@ class Case:
     """What a fit or a diagnosis works on.
 
     Attributes:
+        recording: as it was given, with NaN for readings that are not there.
+        filled: the same with every unusable reading replaced by what lies beside it.
+        usable: column → rows whose reading is there and counts.
         actuator: the machine, as the card declares it unless another was given.
         priors: path of every parameter that the card calls uncertain → what it says of it.
         windows: all windows, held out or not; `problem` holds them all with the sensors' weights.
     """
 
     recording: Recording
+    filled: Recording
+    usable: Mapping[str, Bool[np.ndarray, " rows"]]
     actuator: AbstractActuator
     priors: dict[str, Prior]
     observed: Observed
@@ -234,7 +250,7 @@ class Case:
 def case(
     recording: Recording,
     held_out: float | NDArray[np.bool_],
-    ignored: NDArray[np.bool_] | None = None,
+    masks: Mask | None = None,
     actuator: AbstractActuator | None = None,
     twice: bool = False,
 ) -> Case:
@@ -242,28 +258,31 @@ def case(
 
     Args:
         held_out: fraction of the recording, at its end, that no fit may see; or a mask over its rows.
-        ignored: rows whose readings count for nothing: a saturated sensor, a slack muscle.
+        masks: rows whose readings count for nothing (a saturated sensor, a slack muscle), of all columns or
+            column → rows. Where a measured state is missing for long there is no window.
         actuator: the machine; as the card declares it when `None`.
         twice: smooth measured states twice: they keep their peaks, and what is fitted to them is not biased.
             The rules by which a diagnosis judges were made with states smoothed once.
     """
     card = recording.card
     actuator = actuator_from_card(card) if actuator is None else actuator
+    found = usable(actuator, recording, masks)
     mask = _mask(held_out, len(recording))
-    stretches = _stretches(mask, recording.breaks)
-    cuts = tuple((np.flatnonzero(np.diff(mask)) + 1).tolist())
-    prepared = observed(actuator, recording, card.noise, cuts, twice)
+    cuts = tuple((np.flatnonzero(np.diff(mask) | np.diff(found.cut)) + 1).tolist())
+    prepared = observed(actuator, found.recording, card.noise, cuts, twice)
+    stretches = _stretches(mask, (*recording.breaks, *cuts))
     windows = cut(actuator, stretches, recording.step, card.horizon)
-    if ignored is not None:
-        windows = windows.ignoring(ignored)
+    windows = windows.only(~found.cut[windows.rows])
     substeps = max(1, math.ceil(recording.step / actuator.largest_step - 1e-9))
     return Case(
         recording,
+        found.recording,
+        found.good,
         actuator,
         _priors(recording, actuator),
         prepared,
         windows,
-        problem(prepared, windows, substeps),
+        problem(prepared, windows, substeps, found.ignored),
     )
 
 

@@ -29,6 +29,11 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         f"{capital(words(name))} helped on unseen training windows and was taken out again: {why}."
         for name, why in diagnosis.refused.items()
     ]
+    found += [
+        f"{count} readings of {words(column)} do not count: they are missing, were to be ignored, or stand "
+        f"out singly from those beside them."
+        for column, count in diagnosis.unused.items()
+    ]
     return found + [told for effect in diagnosis.added for told in _undetermined(diagnosis, effect)]
 
 

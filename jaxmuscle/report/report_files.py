@@ -31,6 +31,7 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             "verdict": diagnosis.verdict,
             "effects": [_effect(effect) for effect in diagnosis.effects],
             "unconfirmed": [_effect(effect) for effect in diagnosis.unconfirmed],
+            "unused_readings": diagnosis.unused,
             "refused": [{"name": name, "why": why} for name, why in diagnosis.refused.items()],
             "violated_priors": [
                 {"name": name, "standard_deviations": far} for name, far in diagnosis.violated_priors.items()

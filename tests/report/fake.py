@@ -84,6 +84,7 @@ def diagnosis(verdict: str) -> Diagnosis:
         effects=(effect,) if verdict == "effects found" else (),
         unconfirmed=(effect,) if verdict == "not confirmed" else (),
         refused={"creep": "its strength is not sure"} if found else {},
+        unused={"position": 12} if verdict == "not confirmed" else {},
         violated_priors={"end_factor": 4.2} if verdict == "not confirmed" else {},
         share_left=0.1 if found else 1.0,
         missing_in_noise={"undecided": 2.3, "unexplained": 41.0}.get(verdict, 0.1),

@@ -120,6 +120,7 @@ def test_doubts_stand_in_a_box_at_the_top() -> None:
     text = html.unescape(page(diagnosis("not confirmed")))
     box = text[text.index("<b>Doubts</b>") : text.index("<table>")]
     assert "End factor comes out 4.2 standard deviations from the card" in box
+    assert "12 readings of position do not count" in box
     assert "Creep helped on unseen training windows and was taken out again" in box
     assert "<b>Doubts</b>" not in page(diagnosis("complete"))
 

@@ -151,6 +151,7 @@ KEYS = {
     "verdict",
     "effects",
     "unconfirmed",
+    "unused_readings",
     "refused",
     "violated_priors",
     "missing_in_noise",
