@@ -18,7 +18,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import SETTLED, Workbench, strength_path
 from jaxmuscle.diagnosis.dependence import reveal, unexplained
 from jaxmuscle.diagnosis.discrepancy import missing_rates
-from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns
+from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.verdict import (
@@ -68,7 +68,6 @@ def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) ->
 def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
     declared = _lean(bench, outcome.declared, [])
-    before_squares = mean_squares(bench, outcome.declared, training)
     begun = in_background(lambda: _begun(case, outcome))
     outcome, final, refused = _borne_out(case, bench, training, outcome)
     names = [candidate.effect.name for candidate in outcome.found]
@@ -81,7 +80,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
     may_miss = missing_in_noise(final, squares, noise)
-    remaining = share_left(before_squares, squares)
+    remaining = share_left(*(training_squares(case, each) for each in (traces.before, traces.after)))
     said = verdict(
         found=bool(names),
         left=bool(left),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -102,6 +103,22 @@ def errors(
         for part, rows in (("training", ~held_out), ("held_out", held_out))
         if rows.any()
     }
+
+
+def training_squares(case: Case, predicted: dict[str, Line]) -> dict[str, Float[np.ndarray, " windows"]]:
+    """Column → mean square error of each training window, in units of its sensor's noise.
+
+    Windows without a usable reading of a column are left out of it.
+    """
+    windows, found = case.windows, {}
+    for name, series in predicted.items():
+        error = ((series - case.filled.columns[name]) / noise_of(case, name)) ** 2
+        there = np.isfinite(series) & case.usable[name]
+        rows = windows.sample_rows(len(series))[~windows.held_out]
+        inside = there[rows] & windows.mask[~windows.held_out]
+        some = inside.any(axis=1)
+        found[name] = np.where(inside, error[rows], 0.0).sum(axis=1)[some] / inside.sum(axis=1)[some]
+    return found
 
 
 def noise_of(case: Case, column: str) -> float:

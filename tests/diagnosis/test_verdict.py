@@ -4,12 +4,12 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
-    IMITATED,
     confirmed,
     doubted,
     missing_in_noise,
@@ -81,12 +81,24 @@ def test_held_out_errors_confirm_by_their_mean_and_not_below_the_noise() -> None
     assert not confirmed(held_out(force=0.99), held_out(force=0.9))
 
 
-def test_share_that_is_left_is_that_of_the_logarithm_of_the_worst_residual():
-    assert share_left({"angle": 170.0**2}, {"angle": 117.0**2}) > IMITATED
-    assert share_left({"angle": 400.0**2, "pressure": 1.1}, {"angle": 3.0**2, "pressure": 1.0}) < EXPLAINED
-    assert share_left({"angle": 16.0}, {"angle": 0.9}) == 0.0
-    assert share_left({"angle": 16.0}, {"angle": 16.0}) == 1.0
-    assert share_left({"angle": 16.0}, {"angle": 20.0}) == 1.0
+def test_share_that_is_left_is_that_of_the_typical_residual():
+    flat = np.ones(10)
+    assert share_left({"angle": 170.0**2 * flat}, {"angle": 117.0**2 * flat}) == pytest.approx(
+        117 / 170, rel=1e-3
+    )
+    before = {"angle": 400.0**2 * flat, "pressure": 1.1 * flat}
+    assert share_left(before, {"angle": 3.0**2 * flat, "pressure": flat}) < EXPLAINED
+    assert share_left({"angle": 16.0 * flat}, {"angle": 0.9 * flat}) == 0.0
+    assert share_left({"angle": 16.0 * flat}, {"angle": 16.0 * flat}) == 1.0
+    assert share_left({"angle": 16.0 * flat}, {"angle": 25.0 * flat}) > 1.0
+    assert share_left({"angle": 1.2 * flat}, {"angle": 1.1 * flat}) == 0.0
+
+
+def test_one_bad_window_says_nothing_of_the_share():
+    before, after = np.full(20, 200.0**2), np.full(20, 5.0**2)
+    after[3] = 1e6
+    assert share_left({"angle": before}, {"angle": after}) < 0.1
+    assert math.sqrt(after.mean() / before.mean()) > 1
 
 
 def test_a_value_far_from_the_card_is_named_with_its_distance() -> None:
