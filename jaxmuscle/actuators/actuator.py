@@ -7,7 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.sensing import reading_slots
@@ -264,6 +264,14 @@ class AbstractActuator(eqx.Module):
     @abc.abstractmethod
     def constrained(self, state: State) -> State:
         """The state after unilateral contacts have acted, at the end of a solver step."""
+
+    @property
+    def stops(self) -> Mapping[str, tuple[ArrayLike, ArrayLike]]:
+        """Measured state → where the machine as modelled ends, on either side.
+
+        What goes on beyond is outside the model: readings there are not predicted.
+        """
+        return {}
 
     def with_effects(self: Machine, **effects: AbstractEffect) -> Machine:
         """A copy that also does what `effects` say; an effect of the same name is replaced."""

@@ -105,6 +105,10 @@ class AbstractPulledJoints(AbstractActuator):
         largest = joint_range(self.muscle, self.sprocket_radius, self.initial_contraction)
         return unwound(self.effects, -largest), unwound(self.effects, largest)
 
+    @property
+    def stops(self) -> Mapping[str, tuple[ArrayLike, ArrayLike]]:
+        return {"angle": self._ends}
+
     def constrained(self, state: State) -> State:
         angle, velocity = stopped(state["angle"], state["angular_velocity"], *self._ends)
         return {**state, "angle": angle, "angular_velocity": velocity}

@@ -146,6 +146,8 @@ on others."""
 FAR, FIRST = 2.0, 3
 """A candidate that leaves so many times as much excess error as the best one, where it is fitted, is not
 judged on other windows either, unless it is among the first so many."""
+MOST = 5
+"""Candidates that are judged on other windows at most: those that explain most where they are fitted."""
 FOLDS = 4
 """Folds of a round. With two, a fit to half of the recording determines too little: gravity on practice
 recording 11 then removes 0.22 of the excess with p = 0.048, with four 0.33 with p = 0.008."""
@@ -302,8 +304,8 @@ def _promising(gains: Sequence[float]) -> list[bool]:
     order = np.argsort(-np.asarray(gains), kind="stable")
     least = 1 - FAR * (1 - max(gains, default=0.0))
     near = [gain >= least for gain in gains]
-    first = set(order[:FIRST].tolist())
-    return [gain >= PROMISING and (near[i] or i in first) for i, gain in enumerate(gains)]
+    first, most = set(order[:FIRST].tolist()), set(order[:MOST].tolist())
+    return [gain >= PROMISING and i in most and (near[i] or i in first) for i, gain in enumerate(gains)]
 
 
 def _loss(candidate: Candidate) -> float:

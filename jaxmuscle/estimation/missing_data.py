@@ -24,6 +24,8 @@ BESIDE, SHARE = 2, 4
 """Readings on each side that a curve goes by: two, and one more for so many samples of the gap."""
 OVERSHOOT = 1.0
 """How far a curve may go beyond these readings, in parts of their range: the top of a wave goes up to 0.8."""
+BEYOND = 5.0
+"""Standard deviations of its sensor beyond a stop from which a machine is taken to be there."""
 STENCILS = 100
 """Stencils from which the noise can be told to a tenth."""
 
@@ -108,7 +110,7 @@ class Usable:
         recording: every unusable reading replaced, see :func:`jaxmuscle.estimation.missing_data.bridged`.
         good: column of a sensor → rows with a reading that counts.
         ignored: output → column by column, rows whose residual does not count.
-        cut: rows within long gaps of a measured state: no window begins or runs on there.
+        cut: rows within long gaps of a measured state, or beyond a stop: no window begins or runs on there.
     """
 
     recording: Recording
@@ -141,6 +143,9 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
     cut = np.zeros(len(recording), dtype=bool)
     for column in states & bad.keys():
         cut |= _long_runs(bad[column], LONGEST_BRIDGE)
+    for column, rows in beyond_stops(actuator, recording).items():
+        bad[column] = bad.get(column, np.zeros(len(recording), dtype=bool)) | rows
+        cut |= rows
     without_input = np.zeros(len(recording), dtype=bool)
     for column in imposed & bad.keys():
         without_input |= bad[column]
@@ -158,6 +163,27 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
             )
     good = {column: ~bad.get(column, none) for column in measured_columns(actuator)}
     return Usable(_with_columns(recording, filled), good, ignored, cut)
+
+
+def beyond_stops(actuator: AbstractActuator, recording: Recording) -> dict[str, Rows]:
+    """Column → rows where a machine went beyond what its model allows, if any.
+
+    A joint between two muscles ends where one of them has its full length; one that was seen beyond has
+    stretched a muscle or left its sprocket. No window runs on there: the model would stay at its stop, however
+    right it is elsewhere, and the error of that stretch would outweigh all others.
+    """
+    found = {}
+    for state, (low, high) in actuator.stops.items():
+        columns = actuator.measured.get(state, ())
+        for column, lowest, highest in zip(
+            columns, *(np.broadcast_to(np.asarray(end), len(columns)) for end in (low, high)), strict=True
+        ):
+            values = recording.columns[column]
+            noise = recording.card.noise.get(column) or noise_beside_gaps(values, ~np.isfinite(values))
+            rows = (values < lowest - BEYOND * noise) | (values > highest + BEYOND * noise)
+            if rows.any():
+                found[column] = rows
+    return found
 
 
 def noise_of_readings(

@@ -30,8 +30,8 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         for name, why in diagnosis.refused.items()
     ]
     found += [
-        f"{count} readings of {words(column)} do not count: they are missing, were to be ignored, or stand "
-        f"out singly from those beside them."
+        f"{count} readings of {words(column)} do not count: they are missing, were to be ignored, stand out "
+        f"singly from those beside them, or lie beyond the stops of the model."
         for column, count in diagnosis.unused.items()
     ]
     return found + [told for effect in diagnosis.added for told in _undetermined(diagnosis, effect)]
