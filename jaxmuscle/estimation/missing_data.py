@@ -169,8 +169,8 @@ def beyond_stops(actuator: AbstractActuator, recording: Recording) -> dict[str, 
     """Column → rows where a machine went beyond what its model allows, if any.
 
     A joint between two muscles ends where one of them has its full length; one that was seen beyond has
-    stretched a muscle or left its sprocket. No window runs on there: the model would stay at its stop, however
-    right it is elsewhere, and the error of that stretch would outweigh all others.
+    stretched a muscle or left its sprocket. No window runs on there: the model would stay at its stop, and
+    however right it is elsewhere, the error of that stretch would outweigh all others.
     """
     found = {}
     for state, (low, high) in actuator.stops.items():
