@@ -20,10 +20,10 @@ from jaxmuscle.estimation.dataset import aligned, station
 from jaxmuscle.estimation.free_parameters import Prior, Unknowns
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.missing_data import Mask, noise_of_readings
-from jaxmuscle.estimation.multistart import given_starts, spread_starts
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.parameter_layout import check_same_rig, conditions, known_places, labels, layout
 from jaxmuscle.estimation.request import Asked, PriorLike
+from jaxmuscle.estimation.starting_points import given_starts, spread_starts
 from jaxmuscle.parameter_names import expanded, resolve
 from jaxmuscle.recordings.recording import Recording
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, qmc
 
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns
-from jaxmuscle.estimation.multistart import spread_starts
+from jaxmuscle.estimation.starting_points import spread_starts
 from jaxmuscle.parameters import Parameter
 
 

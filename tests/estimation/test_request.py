@@ -12,9 +12,9 @@ from jaxmuscle import InputError
 from jaxmuscle.estimation.fittable_parameters import fittable
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.missing_data import LONGEST_BRIDGE, usable
-from jaxmuscle.estimation.multistart import given_starts
 from jaxmuscle.estimation.parameter_layout import agreed_prior, conditions, labels, layout
 from jaxmuscle.estimation.request import Asked
+from jaxmuscle.estimation.starting_points import given_starts
 from jaxmuscle.parameter_names import column_of_offset, resolve
 from jaxmuscle.parameters import get
 
