@@ -30,6 +30,20 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; jaxmuscle-NAME when not given.")
     ] = None,
+    held_out: Annotated[
+        str,
+        typer.Option(
+            help="What is kept for the last word: a fraction of the recording, at its end, or FROM:TO in "
+            "seconds of its clock."
+        ),
+    ] = "0.3",
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="FROM:TO in seconds of the recording's clock, where readings count for nothing (a slack "
+            "muscle, a saturated sensor). May be given several times."
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option(help="Write the page report.html.")] = True,
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
@@ -45,6 +59,7 @@ def diagnose(
         configure(compile_cache=True)
         from jaxmuscle.diagnosis import diagnose as run
         from jaxmuscle.recordings import read
+        from jaxmuscle.recordings.spans import fraction, rows_within
         from jaxmuscle.report.report_files import writable_folder, write
         from jaxmuscle.samples import sample
 
@@ -53,7 +68,10 @@ def diagnose(
         # Better now than after a minute of work.
         writable_folder(folder)
         tell(f"reading {file.name}" + (", the sample that comes with jaxmuscle" if recording is None else ""))
-        found = run(read(file, card, resample=resample), progress=tell)
+        given = read(file, card, resample=resample)
+        kept = rows_within(given, [held_out], "--held-out") if ":" in held_out else fraction(held_out)
+        ignored = rows_within(given, ignore, "--ignore") if ignore else None
+        found = run(given, held_out=kept, ignored=ignored, progress=tell)
         tell("writing the results")
         files = write(found, folder, report=report)
     _print_outcome(found, files)

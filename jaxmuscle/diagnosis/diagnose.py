@@ -35,7 +35,7 @@ from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.weights import expected_spread
-from jaxmuscle.estimation.windows import Case, Problem, case
+from jaxmuscle.estimation.windows import Case, Problem, case, check_held_out
 from jaxmuscle.parallel import in_background
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
@@ -93,7 +93,11 @@ def diagnose(
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing), "undecided"
         (a little may be), "not confirmed" (held-out data contradict what was found) or "unexplained"
         (something is missing, and no effect of the catalogue explains it).
+
+    Raises:
+        InputError: a fraction that is none, a mask of another length, masks that leave too little.
     """
+    check_held_out(held_out, len(recording))
     meter = Meter(progress)
     seek = partial(_diagnosed, recording, held_out, ignored, meter=meter)
     chosen = _in_two_passes(seek) if catalogue is None else lambda: seek(catalogue)

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.parameter_names import effect_path
@@ -283,6 +284,27 @@ def case(
         prepared,
         windows,
         problem(prepared, windows, substeps, found.ignored),
+    )
+
+
+def check_held_out(held_out: float | NDArray[np.bool_], rows: int) -> None:
+    """Make sure that something is held out, and something is not.
+
+    Raises:
+        InputError: it is neither a fraction between 0 and 1 nor a mask of all rows with both.
+    """
+    scalar = np.isscalar(held_out) and not isinstance(held_out, str)
+    if scalar and 0 < held_out < 1:  # pyright: ignore[reportOperatorIssue]
+        return
+    mask = np.asarray(held_out)
+    if mask.shape == (rows,) and mask.dtype == bool and 0 < mask.sum() < rows:
+        return
+    got = repr(held_out) if mask.ndim == 0 else f"{mask.dtype} of shape {mask.shape}"
+    if mask.shape == (rows,) and mask.dtype == bool:
+        got = "all rows" if mask.any() else "no row"
+    raise InputError(
+        f"held_out: expected a fraction between 0 and 1, or a boolean for each of the {rows} rows, true for "
+        f"some that no fit may see; got {got}"
     )
 
 

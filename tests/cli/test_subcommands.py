@@ -29,12 +29,21 @@ def asked() -> list[Recording]:
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: list[Recording]) -> Run:
+def settings() -> list[dict[str, Any]]:
+    """How they were."""
+    return []
+
+
+@pytest.fixture
+def run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: list[Recording], settings: list[dict[str, Any]]
+) -> Run:
     """Run the program in an empty folder, with a diagnosis that is known beforehand."""
 
-    def diagnose(recording: Recording, *, progress: Callable[[str], None], **_: Any) -> Any:
+    def diagnose(recording: Recording, *, progress: Callable[[str], None], **how: Any) -> Any:
         progress("Fitting [what] is declared")
         asked.append(recording)
+        settings.append(how)
         return diagnosis("effects found")
 
     monkeypatch.setattr(package, "diagnose", diagnose, raising=False)
@@ -74,9 +83,24 @@ def test_card_can_be_named(run: Run, tmp_path: Path, asked: list[Recording]) -> 
     assert asked[0].card.known["mass"].value == 9
 
 
+def test_rows_can_be_ignored_and_held_out(
+    run: Run, asked: list[Recording], settings: list[dict[str, Any]]
+) -> None:
+    assert run("diagnose").exit_code == 0
+    assert settings[0] == {"held_out": 0.3, "ignored": None}
+    spans = ("--held-out", "10:", "--ignore", "0.5:1", "--ignore", "2:2.5")
+    assert run("diagnose", sample("lift"), *spans).exit_code == 0
+    time = asked[1].time
+    assert (settings[1]["held_out"] == (time >= 10)).all()
+    between = ((time >= 0.5) & (time <= 1)) | ((time >= 2) & (time <= 2.5))
+    assert (settings[1]["ignored"] == between).all()
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
+        (("--ignore", "5"), "expected FROM:TO in seconds"),
+        (("--held-out", "much"), "expected a fraction between 0 and 1"),
         (("absent.csv",), "no recording 'absent.csv'"),
         (("--card", "absent.toml"), "no card 'absent.toml'"),
         (("--out", "taken"), "is not a folder"),
