@@ -23,7 +23,7 @@ def pushed(recording, rows, angle):
 
 def test_rows_beyond_a_stop(recording):
     machine = jm.actuator(recording.card)
-    low, high = (float(end) for end in machine.stops["angle"])
+    low, high = (float(np.asarray(end)) for end in machine.stops["angle"])
     noise = recording.card.noise["angle"]
     assert low == -high and beyond_stops(machine, recording) == {}
     inside = pushed(recording, slice(100, 110), high + 0.9 * BEYOND * noise)
