@@ -27,6 +27,7 @@ from jaxmuscle.diagnosis.verdict import (
     doubted,
     missing_in_noise,
     share_left,
+    surprise,
     verdict,
     violated_priors,
 )
@@ -84,7 +85,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     said = verdict(
         found=bool(names),
         left=bool(left),
-        missing=may_miss,
+        missing=max(may_miss, surprise(after)),
         confirms=confirmed(before, after),
         imitates=remaining > IMITATED,
     )

@@ -32,6 +32,9 @@ SURE = 2.0
 VIOLATED = 3.0
 """Standard deviations of the card from which a fitted value contradicts it."""
 
+SURPRISING = 2.0
+"""Held-out error over that on training data from which the training data did not show all."""
+
 Errors = Mapping[str, Mapping[str, Error]]
 Squares = Mapping[str, Float[np.ndarray, " windows"]]
 
@@ -119,13 +122,27 @@ def share_left(before: Squares, after: Squares) -> float:
     return max(shares)
 
 
+def surprise(errors: Errors) -> float:
+    """Root mean square of what held-out data leave beyond training data, in units of the noise; else 0.
+
+    Of the worst column in which the held-out error is more than :data:`SURPRISING` times that on training
+    data, which noise and the states that windows begin with enlarge alike.
+    """
+    excess = [0.0]
+    for column, unseen in errors["held_out"].items():
+        seen = max(errors["training"][column].in_noise, 1.0)
+        if unseen.in_noise > SURPRISING * seen:
+            excess.append(math.sqrt(unseen.in_noise**2 - seen**2))
+    return max(excess)
+
+
 def verdict(*, found: bool, left: bool, missing: float, confirms: bool, imitates: bool) -> str:
     """The verdict, one of those that :class:`~jaxmuscle.diagnosis.result.Diagnosis` lists.
 
     Args:
         found: whether effects were added and are left after the final fit.
         left: whether a reading is left with errors far above its noise.
-        missing: as of :func:`missing_in_noise`.
+        missing: as of :func:`missing_in_noise`, or of :func:`surprise` if that is more.
         confirms: whether the held-out errors fell.
         imitates: whether the effects imitate part of something else.
     """

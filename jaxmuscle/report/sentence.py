@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
+from jaxmuscle.diagnosis.verdict import surprise
 from jaxmuscle.formatting import capital, listed, parameter_words, words
 from jaxmuscle.report.tables import shown_column
 
@@ -88,7 +89,7 @@ def _levels(diagnosis: Diagnosis) -> str:
 
 
 def _undecided(diagnosis: Diagnosis) -> str:
-    size = formatting.rounded(diagnosis.missing_in_noise)
+    size = formatting.rounded(max(diagnosis.missing_in_noise, surprise(diagnosis.after)))
     return (
         f"No effect is supported by this recording, but something of about {size} times the sensor noise may "
         f"be missing: the declared model predicts unseen data to {_levels(diagnosis)}."

@@ -14,6 +14,7 @@ from jaxmuscle.diagnosis.verdict import (
     doubted,
     missing_in_noise,
     share_left,
+    surprise,
     verdict,
     violated_priors,
 )
@@ -79,6 +80,15 @@ def test_held_out_errors_confirm_by_their_mean_and_not_below_the_noise() -> None
     assert confirmed(held_out(position=9.0, pressure=1.1), held_out(position=1.2, pressure=1.2))
     assert not confirmed(held_out(position=2.0, pressure=1.5), held_out(position=2.1, pressure=1.5))
     assert not confirmed(held_out(force=0.99), held_out(force=0.9))
+
+
+def test_held_out_data_that_err_more_are_a_surprise() -> None:
+    def errors(seen: float, unseen: float) -> dict[str, dict[str, Error]]:
+        return {"training": held_out(angle=seen)["held_out"], **held_out(angle=unseen)}
+
+    assert surprise(errors(3.0, 8.6)) == pytest.approx(math.sqrt(8.6**2 - 9))
+    assert surprise(errors(0.5, 3.0)) == pytest.approx(math.sqrt(8.0))
+    assert surprise(errors(3.4, 3.7)) == surprise(errors(0.5, 1.9)) == 0.0
 
 
 def test_share_that_is_left_is_that_of_the_typical_residual():
