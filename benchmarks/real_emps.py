@@ -34,7 +34,9 @@ from scipy.io import loadmat
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator, Held, Link, register
 from jaxmuscle.actuators.actuator import State
-from jaxmuscle.effects.base import AbstractEffect, friction_limit, slip_of_mass, state_rates
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.slip import friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, Signals
 

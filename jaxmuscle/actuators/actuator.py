@@ -20,7 +20,8 @@ from jaxmuscle.actuators.variables import (
     column_units,
     rate_unit,
 )
-from jaxmuscle.effects.base import AbstractEffect, States, filled
+from jaxmuscle.effects.base import AbstractEffect, States
+from jaxmuscle.effects.chain import filled
 from jaxmuscle.effects.names import effect_named
 from jaxmuscle.effects.readings import column_signal, measured_columns
 from jaxmuscle.errors import InputError

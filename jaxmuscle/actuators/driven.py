@@ -14,7 +14,9 @@ from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.cylinder import tension
-from jaxmuscle.effects.base import AbstractEffect, bristle, friction_limit, slip_of_velocity, state_rates
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
 

@@ -14,7 +14,8 @@ from jaxmuscle.actuators.control_channel import ControlChannel
 from jaxmuscle.actuators.joint import AbstractRegulated, regulated_pressures
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import PressureRegulator
-from jaxmuscle.effects.base import AbstractEffect, state_rates
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.chain import state_rates
 from jaxmuscle.hysteresis import ModifiedPrandtlIshlinskii
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, Signals

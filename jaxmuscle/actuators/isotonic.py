@@ -15,7 +15,9 @@ from jaxmuscle.actuators.variables import Command, Reading, StateVariable
 from jaxmuscle.components import FlowValve, McKibben
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
-from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States
+from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
     COMMAND,

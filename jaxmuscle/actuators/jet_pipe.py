@@ -14,7 +14,9 @@ from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.variables import Command, Reading, StateVariable, Variable
 from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, Piston, Receiver
 from jaxmuscle.components.gas import heat_of
-from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, slip_of_mass, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States
+from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
     COMMAND,

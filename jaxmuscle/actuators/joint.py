@@ -17,15 +17,9 @@ from jaxmuscle.actuators.variables import Command, Reading, StateVariable, Varia
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.antagonist import joint_range
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
-from jaxmuscle.effects.base import (
-    AbstractEffect,
-    States,
-    altered_muscle,
-    bristle,
-    friction_limit,
-    slip_of_mass,
-    state_rates,
-)
+from jaxmuscle.effects.base import AbstractEffect, States
+from jaxmuscle.effects.chain import altered_muscle, state_rates
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
 from jaxmuscle.effects.transmission import lever, unwound, winding
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import States, filled
+from jaxmuscle.effects.base import States
+from jaxmuscle.effects.chain import filled
 from jaxmuscle.signals import POSITION_READING, PRESSURE_READING, Signals, Slot
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensed
-from jaxmuscle.effects.base import STICKING_TIME, States
+from jaxmuscle.effects.base import States
+from jaxmuscle.effects.slip import STICKING_TIME
 from jaxmuscle.errors import InputError
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation import Track, start_at_rest

@@ -3,12 +3,10 @@
 """
 
 from jaxmuscle.effects.base import (
-    BY_NAME,
     AbstractEffect,
     AbstractMemoryEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
-    register,
 )
 from jaxmuscle.effects.command import CommandDelay, DeadBand, RateLimit, SpoolHysteresis, ValveOffset
 from jaxmuscle.effects.force_loss import BoucWen, ForceDrift
@@ -32,6 +30,7 @@ from jaxmuscle.effects.muscle import (
 )
 from jaxmuscle.effects.names import effect_named, is_registered, names_on
 from jaxmuscle.effects.readings import AbstractReadingEffect, reading_effect, reading_effects
+from jaxmuscle.effects.register import BY_NAME, register
 from jaxmuscle.effects.sensors import Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
 from jaxmuscle.effects.transmission import EccentricSprocket, ElasticTendon
 from jaxmuscle.effects.valve import CurrentSaturation, FrameValveHysteresis, ValveHysteresis

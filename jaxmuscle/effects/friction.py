@@ -126,7 +126,7 @@ class Presliding(AbstractSlipEffect):
     40, 1995) becomes at low velocities: bristles of stiffness L/δ with L the limit of all dry friction of
     the machine together (`load_friction`, `thread_friction`, …), without which nothing changes. z is
     exact over straight moves x [m or rad]. On a mass bristles are damped by 8τ L/δ,
-    :func:`jaxmuscle.effects.base.slip_of_mass`; valid from δ = 0, the law without bristles, upwards.
+    :func:`jaxmuscle.effects.slip.slip_of_mass`; valid from δ = 0, the law without bristles, upwards.
     """
 
     name: ClassVar = "presliding"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from jaxmuscle.effects.base import BY_NAME, AbstractEffect
+from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.effects.readings import Rig, reading_effect_named, reading_effects
+from jaxmuscle.effects.register import BY_NAME
 
 
 def effect_named(name: str) -> type[AbstractEffect] | None:

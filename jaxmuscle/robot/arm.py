@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxmuscle.components.cylinder import NEAR, Sides, at_stops
-from jaxmuscle.effects.base import Bristle, force_to_rest, softening
+from jaxmuscle.effects.slip import Bristle, force_to_rest, softening
 from jaxmuscle.parameters import Scalar, parameter
 
 Joints = Float[Array, "... 2"]

@@ -17,7 +17,9 @@ from jaxmuscle.actuators.actuator import Held, State
 from jaxmuscle.actuators.joint import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.cylinder import at_stops, pressing, tension
-from jaxmuscle.effects.base import AbstractEffect, States, bristle, friction_limit, state_rates
+from jaxmuscle.effects.base import AbstractEffect, States
+from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.slip import bristle, friction_limit
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm, between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.kinematics import jacobian, tip

@@ -15,7 +15,7 @@ from jaxmuscle.actuators.joint import Joint
 from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.antagonist import Coefficients, coefficients, pressure_difference
 from jaxmuscle.effects import ThreadFriction
-from jaxmuscle.effects.base import friction_limit
+from jaxmuscle.effects.slip import friction_limit
 from jaxmuscle.robot.arm import Arm, rod
 from jaxmuscle.robot.scara import PULLS, Scara
 from jaxmuscle.robot.trajectory import Motion

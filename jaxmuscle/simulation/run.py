@@ -21,7 +21,8 @@ from jaxtyping import Array, Float, Int
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensed, sensing
-from jaxmuscle.effects.base import States, updated_memories
+from jaxmuscle.effects.base import States
+from jaxmuscle.effects.chain import updated_memories
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 from jaxmuscle.simulation.sensor_errors import Readings, shown_readings, without_sensor_errors

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensing
-from jaxmuscle.effects.base import States, initial_states
+from jaxmuscle.effects.base import States
+from jaxmuscle.effects.chain import initial_states
 from jaxmuscle.parameters import entries_of, split_index
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.signals import Past

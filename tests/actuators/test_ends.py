@@ -14,7 +14,7 @@ from jaxmuscle.actuators import Held
 from jaxmuscle.actuators.isotonic import STANDARD_GRAVITY
 from jaxmuscle.analysis import equilibrium, linearise
 from jaxmuscle.components.antagonist import joint_range
-from jaxmuscle.effects.base import STICKING_TIME
+from jaxmuscle.effects.slip import STICKING_TIME
 from jaxmuscle.parameters import replace
 from jaxmuscle.robot import robot_joint
 

@@ -9,7 +9,7 @@ import pytest
 from oracles import bench
 from oracles.isotonic import isotonic
 
-import jaxmuscle.effects.base
+import jaxmuscle.effects.slip
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.isotonic import STANDARD_GRAVITY
 from jaxmuscle.components.gas import CRITICAL_RATIO
@@ -91,7 +91,7 @@ def test_equals_oracle_with_dry_friction(name):
 
 def test_dry_friction_approaches_the_sharp_law(monkeypatch):
     _, position = deviations("load_friction")
-    monkeypatch.setattr(jaxmuscle.effects.base, "STICKING_TIME", 1e-4)
+    monkeypatch.setattr(jaxmuscle.effects.slip, "STICKING_TIME", 1e-4)
     _, sharper = deviations("load_friction", simulate=freshly_compiled())
     assert sharper < position / 4
 

@@ -10,7 +10,7 @@ import pytest
 from oracles import bench
 from oracles.joint import joint
 
-import jaxmuscle.effects.base
+import jaxmuscle.effects.slip
 from jaxmuscle.actuators import Held
 from jaxmuscle.parameters import replace
 
@@ -89,7 +89,7 @@ def test_equals_oracle_with_dry_friction(name):
 
 def test_dry_friction_approaches_the_sharp_law(monkeypatch):
     _, angle = deviations("load_friction")
-    monkeypatch.setattr(jaxmuscle.effects.base, "STICKING_TIME", 1e-4)
+    monkeypatch.setattr(jaxmuscle.effects.slip, "STICKING_TIME", 1e-4)
     _, sharper = deviations("load_friction", simulate=freshly_compiled())
     assert sharper < angle / 3
 

@@ -9,7 +9,7 @@ from oracles.bench import built
 
 from jaxmuscle.actuators import Held
 from jaxmuscle.effects import LoadFriction, ThreadFriction
-from jaxmuscle.effects.base import slip_of_mass, slip_of_velocity
+from jaxmuscle.effects.slip import slip_of_mass, slip_of_velocity
 from jaxmuscle.parameters import replace
 from jaxmuscle.signals import Signals
 

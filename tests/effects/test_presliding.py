@@ -7,7 +7,7 @@ import pytest
 from effects.test_friction import pressures_for
 from oracles import bench
 
-from jaxmuscle.effects.base import Bristle, slip_of_mass
+from jaxmuscle.effects.slip import Bristle, slip_of_mass
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.robot.arm import coupled_slip
 

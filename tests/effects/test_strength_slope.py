@@ -18,9 +18,8 @@ from jaxmuscle.effects.base import (
     AbstractMuscleEffect,
     AbstractSlipEffect,
     AbstractTransmissionEffect,
-    Bristle,
-    slip_of_mass,
 )
+from jaxmuscle.effects.slip import Bristle, slip_of_mass
 from jaxmuscle.signals import Past, Signals
 
 NOISE = np.random.default_rng(7).normal(0, 0.1, 32)

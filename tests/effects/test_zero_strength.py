@@ -9,7 +9,7 @@ from oracles import bench
 from jaxmuscle.actuators import Held
 from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects import FURTHER, AbstractMemoryEffect, AbstractRateEffect
-from jaxmuscle.effects.base import initial_states
+from jaxmuscle.effects.chain import initial_states
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.signals import Past
 

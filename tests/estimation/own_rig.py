@@ -9,7 +9,8 @@ from jaxtyping import Array
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator, Link
-from jaxmuscle.effects.base import AbstractEffect, AbstractStaticEffect, friction_limit, slip_of_mass
+from jaxmuscle.effects.base import AbstractEffect, AbstractStaticEffect
+from jaxmuscle.effects.slip import friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, Signals
 

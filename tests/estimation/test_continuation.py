@@ -10,7 +10,7 @@ from estimation.own_rig import Drive
 
 import jaxmuscle as jm
 from jaxmuscle import InputError
-from jaxmuscle.effects.base import STICKING_TIME, slip_of_mass, slip_of_velocity
+from jaxmuscle.effects.slip import STICKING_TIME, slip_of_mass, slip_of_velocity
 from jaxmuscle.estimation.dataset import station, widened
 from jaxmuscle.estimation.residuals import residual_vector
 

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from jaxmuscle.actuators import Held
 from jaxmuscle.components.antagonist import joint_range
-from jaxmuscle.effects.base import STICKING_TIME, slip_of_mass
+from jaxmuscle.effects.slip import STICKING_TIME, slip_of_mass
 from jaxmuscle.robot.arm import coupled_slip
 from jaxmuscle.robot.tondu2000 import robot_arm
 

@@ -16,7 +16,7 @@ from jaxmuscle.actuators import Held
 from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.components.cylinder import positive_part
 from jaxmuscle.effects import CATALOGUE, FURTHER
-from jaxmuscle.effects.base import initial_states
+from jaxmuscle.effects.chain import initial_states
 from jaxmuscle.parameters import get
 from jaxmuscle.robot import Pane, Scara
 from jaxmuscle.robot.scara import PULLS

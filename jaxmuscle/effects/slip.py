@@ -1,0 +1,103 @@
+"""Dry friction of a machine: the sum of its limits, and how much of it acts, sticking or sliding."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect, Effects, States
+from jaxmuscle.signals import Signals, Slot
+
+
+class Bristle(NamedTuple):
+    """Share of the limit to which dry friction has built up, -1 to 1, and the way that it takes."""
+
+    share: Array
+    distance: Array
+
+
+STICKING_TIME = 5e-4
+"""Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
+
+
+def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | float:
+    """Sum of the limits of all dry friction on a slot."""
+    limits = [
+        e.limit(signals) for e in effects.values() if isinstance(e, AbstractFrictionEffect) and e.slot == slot
+    ]
+    return sum(limits, start=0.0)
+
+
+def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | None:
+    """How far dry friction has built up; `None` where it acts at once, without an effect on it."""
+    for name, effect in effects.items():
+        if isinstance(effect, AbstractSlipEffect):
+            return Bristle(effect.value(states.get(name), signals), effect.deflection())
+    return None
+
+
+def slip_of_mass(
+    driving: Array,
+    momentum: Array,
+    limit: Array | float,
+    widening: Array | float | None = None,
+    bristle: Bristle | None = None,
+    mass: Array | float = 1.0,
+) -> Array:
+    r"""Slip of a mass under dry friction: :math:`\mathrm{clip}((F + m v/τ)/L, -1, 1)`.
+
+    The Coulomb law with a true sticking phase (Kikuuwe et al., IEEE Trans. Robotics 22, 2006): friction
+    balances the driving force F and brings the mass to rest within τ as long as its limit L suffices, and
+    slides at the limit otherwise. Not stiffer than 1/τ however large the friction. At L = 0 it is the sign
+    of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
+
+    With a bristle of distance δ that has built up the share z of the limit the slip is
+    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(8τ^2)`: one implicit step of
+    length τ for a mass on a spring L/δ with damping 8τ L/δ. It is z where z is slow, is as little stiff as
+    the law above, and at δ = 0 is that law.
+
+    Args:
+        driving: force F.
+        momentum: m v.
+        limit: L, not negative.
+        widening: factor of τ, for the first stages of a fit: `held.widening` of a rig (`None`: 1).
+        bristle: how far friction has built up; `None` where it acts at once.
+        mass: m, only needed with a bristle.
+    """
+    wanted = force_to_rest(driving, momentum, widening)
+    if bristle is not None:
+        softness = mass * softening(bristle.distance, widening)
+        wanted, limit = wanted + softness * bristle.share, limit + softness
+    some = jnp.asarray(limit) > 0
+    ratio = wanted / jnp.where(some, limit, 1.0)
+    return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
+
+
+def force_to_rest(driving: Array, momentum: Array, widening: Array | float | None = None) -> Array:
+    """Friction that would bring a mass to rest within τ, F + m v/τ; arguments as :func:`slip_of_mass`."""
+    return driving + momentum / _widened(STICKING_TIME, widening)
+
+
+def softening(distance: Array, widening: Array | float | None = None) -> Array:
+    """S/m = δ/(8τ²) of :func:`slip_of_mass`: acceleration that a bristle makes up for, at a distance δ."""
+    return distance / (8 * _widened(STICKING_TIME, widening) ** 2)
+
+
+def slip_of_velocity(
+    velocity: Array,
+    width: float = 1e-4,
+    widening: Array | float | None = None,
+    bristle: Bristle | None = None,
+) -> Array:
+    """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s].
+
+    `widening`: factor of the width, as in :func:`slip_of_mass`. With a bristle, its share.
+    """
+    slip = jnp.tanh(velocity / _widened(width, widening))
+    return slip if bristle is None else jnp.where(bristle.distance > 0, bristle.share, slip)
+
+
+def _widened(width: float, widening: Array | float | None) -> Array | float:
+    return width if widening is None else width * widening
