@@ -108,6 +108,13 @@ FALL = 3e-5
 With ten times as much, practice recording 14 ends at a tenth more cost, and an effect is found that is not
 there.
 """
+SLOW = 1e-3
+"""Fall of the cost over eight steps, relative to it, below which a candidate's search, and the fit of any
+model to a fold, is at its end.
+
+With the fits to all windows of the model without candidates ended like that, too, practice recording 14 has
+effects found that are not there: what searches begin with must be as good as it can be.
+"""
 SETTLED = (CONVERGED, STALLED)
 """How a fit ends that more steps would not carry on."""
 

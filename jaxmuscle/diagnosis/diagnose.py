@@ -18,10 +18,10 @@ from jaxmuscle.diagnosis.candidates import SETTLED, missing, workbench
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.excitation import excited
+from jaxmuscle.diagnosis.folds import FOLDS
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
-    FOLDS,
     REFIT,
     Candidate,
     Ranking,

@@ -9,22 +9,16 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidate_search import HOPE, search, search_work
 from jaxmuscle.diagnosis.candidates import (
-    SETTLED,
     Workbench,
     carries_state,
-    linear_strength,
     paths_of,
-    shapes,
-    strength_path,
-    strengths,
 )
 from jaxmuscle.diagnosis.evidence import (
     LIKELIHOOD_RATIO,
-    SAFE,
     Blocks,
     Evidence,
     Losses,
@@ -35,29 +29,20 @@ from jaxmuscle.diagnosis.evidence import (
     correlated_blocks,
     gain,
 )
+from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
-from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
 
 DECLARED = 13.0
 """First fit of the declared model, and all that a search runs compiled beside it; two more fits."""
 CONCLUSION = 8.0
 """Last fit, held-out predictions, what is unexplained: half of it is compilation."""
-SEARCH, SEARCH_WITH_STATE = 0.2, 0.8
-"""Search of one candidate, and of one with a state of its own."""
-SEARCH_STEPS = (0.2, 0.3, 0.2, 0.3)
-"""Parts of a search: first start, short fit from it, second start, fits to the end."""
 JUDGEMENT = 0.07
 """A fit to one fold, and its judgement."""
 REFIT = 0.1
-
-
-def search_work(effect: type[AbstractEffect]) -> float:
-    """Work of the search of one candidate."""
-    return SEARCH_WITH_STATE if carries_state(effect) else SEARCH
 
 
 def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
@@ -66,80 +51,6 @@ def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
     return searched + JUDGEMENT * folds * (len(effects) + 1)
 
 
-SHORT_STEPS, LONG_STEPS = 12, 60
-"""Steps of the fit from each base, and of the better one of them to its end."""
-SLOW = 1e-3
-"""Fall of the cost over eight steps, relative to it, below which a candidate's search, and the fit of any
-model to a fold, is at its end.
-
-With the fits to all windows of the model without candidates ended like that, too, practice recording 14 has
-effects found that are not there: what searches begin with must be as good as it can be.
-"""
-
-
-def search(
-    bench: Workbench,
-    model: AbstractActuator,
-    accepted: Sequence[str],
-    effect: type[AbstractEffect],
-    problem: Problem,
-    meter: Meter,
-) -> AbstractActuator:
-    """`model` with `effect` added and everything fitted to `problem`.
-
-    Two short fits are made, from the fitted model and from the values of the card, and the better one is
-    carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
-    of its own. Each begins where the cost is least among several strengths of several shapes.
-    """
-    names = [*accepted, effect.name]
-    work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
-    for base in (model, bench.with_card_values(model)):
-        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
-        meter.did(next(parts) * work, f"trying {effect.name}")
-        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW))
-        meter.did(next(parts) * work, f"trying {effect.name}")
-    best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    return best if minimum.code in SETTLED else bench.fit(best, names, problem, LONG_STEPS, SLOW)[0]
-
-
-def _best_start(
-    bench: Workbench,
-    base: AbstractActuator,
-    accepted: Sequence[str],
-    effect: type[AbstractEffect],
-    problem: Problem,
-) -> AbstractActuator:
-    """`base` with the strength and shape of `effect` at which the cost is least."""
-    path = strength_path(effect)
-    tries = []
-    for shape in shapes(effect):
-        shaped = replace(base, shape)
-        if path in shape:
-            tries.append(shaped)
-        else:
-            found = _strengths(bench, shaped, accepted, effect, problem)
-            tries += [replace(shaped, {path: strength}) for strength in found]
-    return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
-
-
-def _strengths(
-    bench: Workbench,
-    model: AbstractActuator,
-    accepted: Sequence[str],
-    effect: type[AbstractEffect],
-    problem: Problem,
-) -> list[float]:
-    """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
-    path = strength_path(effect)
-    own = bench.free_paths(model, accepted)
-    residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
-    nonnegative = parameters(model)[path].nonnegative
-    linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
-    return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]
-
-
-STEPS = 60
-"""Most steps of a fit on the windows of a fold."""
 PROMISING = 0.05
 """Part of the excess error that a candidate has to remove on the windows that it is fitted to, to be judged
 on others."""
@@ -148,9 +59,6 @@ FAR, FIRST = 2.0, 3
 judged on other windows either, unless it is among the first so many."""
 MOST = 5
 """Candidates that are judged on other windows at most: those that explain most where they are fitted."""
-FOLDS = 4
-"""Folds of a round. With two, a fit to half of the recording determines too little: gravity on practice
-recording 11 then removes 0.22 of the excess with p = 0.048, with four 0.33 with p = 0.008."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,9 +113,13 @@ def rank(
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
         meter.expect(round_work(rest, FOLDS))
-    searched = on_all_cores(lambda effect: search(bench, model, accepted, effect, problem, meter), rest)
-    present = bench.fit(model, accepted, problem, STEPS)[0]
-    before, squares = _seen(bench, present, problem, block), _excess_squares(bench, present, problem)
+    present, fitted = bench.fit(model, accepted, problem, STEPS)
+    squares = _excess_squares(bench, present, problem)
+    hopeless = fitted.cost - HOPE * max(0.5 * squares, 0.0)
+    searched = on_all_cores(
+        lambda effect: search(bench, model, accepted, effect, problem, hopeless, meter), rest
+    )
+    before = _seen(bench, present, problem, block)
     seen = [_seen(bench, found, problem, block) for found in searched]
     gains = [gain(before, own) for own in seen]
     falls = [(squares - _excess_squares(bench, found, problem)) / max(squares, 1.0) for found in searched]
@@ -310,67 +222,3 @@ def _promising(gains: Sequence[float]) -> list[bool]:
 
 def _loss(candidate: Candidate) -> float:
     return candidate.evidence.loss
-
-
-class Folds:
-    """The blocks of a problem, stretches predicted in one go, in several folds.
-
-    Where residuals are independent from block to block, blocks go to the folds in turn, ordered by how much
-    moves in them. Where they go together over several, folds are contiguous in time, and what lies within
-    a correlation time of a judged one is not fitted: a model could learn there what the noise goes on to do.
-
-    Attributes:
-        count: number of folds.
-        stretch: blocks in time that are flipped together, :func:`correlated_blocks`.
-        fold_of: fold of each block.
-    """
-
-    def __init__(self, problem: Problem, block: Blocks, stretch: int) -> None:
-        self.problem, self.block, self.stretch = problem, block, stretch
-        number = int(block.max()) + 1
-        self.count = FOLDS
-        if stretch > 1:
-            self.fold_of = np.arange(number) * self.count // number
-        else:
-            order = np.argsort(-_extent(problem, block), kind="stable")
-            self.fold_of = np.empty(number, dtype=int)
-            self.fold_of[order] = np.arange(number) % self.count
-
-    def judged(
-        self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int
-    ) -> tuple[Losses, AbstractActuator]:
-        """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
-        judged = np.flatnonzero(self.fold_of == fold)
-        fitting = self.problem.only(~np.isin(self.block, self._beside(judged)))
-        fitted, _ = bench.fit(model, effects, fitting, STEPS, SLOW)
-        residuals = bench.residuals(fitted, self.problem)
-        return block_losses(residuals, self.problem.weights, self.block, judged), fitted
-
-    def _beside(self, judged: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The judged blocks and those near them that are not fitted either."""
-        gap = self.stretch // SAFE if self.stretch > 1 else 0
-        near = judged[:, None] + np.arange(-gap, gap + 1)
-        return np.unique(near)
-
-    def in_time(self, losses: Sequence[Losses]) -> Losses:
-        """Losses fold by fold, put into the order of time."""
-        order = np.concatenate([np.flatnonzero(self.fold_of == fold) for fold in range(self.count)])
-        return np.concatenate(losses, axis=1)[:, np.argsort(order)]
-
-
-def _extent(problem: Problem, block: Blocks) -> NDArray[np.float64]:
-    """How much the outputs move in each block, the most in any being 1 for each output."""
-    parts = range(int(block.max()) + 1)
-    rows = [np.nonzero(block == part) for part in parts]
-    extent = np.zeros(len(rows))
-    for output, values in problem.targets.items():
-        table, there = np.asarray(values), np.asarray(problem.weights[output]) > 0
-        ranges = np.array([_ranges(table[r], there[r]) for r in rows])
-        extent += ranges / max(ranges.max(), 1e-300)
-    return extent
-
-
-def _ranges(values: NDArray[np.float64], there: NDArray[np.bool_]) -> float:
-    """Sum over muscles of the range of the samples that count."""
-    table, mask = values.reshape(len(values), -1), there.reshape(len(there), -1)
-    return float(sum(np.ptp(v[m]) if m.any() else 0.0 for v, m in zip(table.T, mask.T, strict=True)))

@@ -1,0 +1,105 @@
+"""Search of one candidate effect: the valley of the model with it, from several strengths and shapes.
+
+Work is counted in seconds of the sample `lift` on two cores, from nothing compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import (
+    SETTLED,
+    SLOW,
+    Workbench,
+    carries_state,
+    linear_strength,
+    shapes,
+    strength_path,
+    strengths,
+)
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parameters import parameters, replace
+from jaxmuscle.progress import Meter
+
+SEARCH, SEARCH_WITH_STATE = 0.2, 0.8
+"""Search of one candidate, and of one with a state of its own."""
+SEARCH_STEPS = (0.2, 0.3, 0.2, 0.3)
+"""Parts of a search: first start, short fit from it, second start, fits to the end."""
+
+
+def search_work(effect: type[AbstractEffect]) -> float:
+    """Work of the search of one candidate."""
+    return SEARCH_WITH_STATE if carries_state(effect) else SEARCH
+
+
+SHORT_STEPS, LONG_STEPS = 12, 60
+"""Steps of the fit from each base, and of the better one of them to its end."""
+HOPE = 0.02
+"""Part of the excess error that the short fits have to remove to be carried on: less than half of what makes
+a candidate worth judging."""
+
+
+def search(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+    hopeless: float,
+    meter: Meter,
+) -> AbstractActuator:
+    """`model` with `effect` added and everything fitted to `problem`.
+
+    Two short fits are made, from the fitted model and from the values of the card, and the better one is
+    carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
+    of its own. Each begins where the cost is least among several strengths of several shapes. A cost of
+    both above `hopeless` ends the search.
+    """
+    names = [*accepted, effect.name]
+    work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
+    for base in (model, bench.with_card_values(model)):
+        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
+        meter.did(next(parts) * work, f"trying {effect.name}")
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW))
+        meter.did(next(parts) * work, f"trying {effect.name}")
+    best, minimum = min(fits, key=lambda fit: fit[1].cost)
+    ended = minimum.code in SETTLED or minimum.cost > hopeless
+    return best if ended else bench.fit(best, names, problem, LONG_STEPS, SLOW)[0]
+
+
+def _best_start(
+    bench: Workbench,
+    base: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> AbstractActuator:
+    """`base` with the strength and shape of `effect` at which the cost is least."""
+    path = strength_path(effect)
+    tries = []
+    for shape in shapes(effect):
+        shaped = replace(base, shape)
+        if path in shape:
+            tries.append(shaped)
+        else:
+            found = _strengths(bench, shaped, accepted, effect, problem)
+            tries += [replace(shaped, {path: strength}) for strength in found]
+    return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
+
+
+def _strengths(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: type[AbstractEffect],
+    problem: Problem,
+) -> list[float]:
+    """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
+    path = strength_path(effect)
+    own = bench.free_paths(model, accepted)
+    residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
+    nonnegative = parameters(model)[path].nonnegative
+    linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
+    return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]
