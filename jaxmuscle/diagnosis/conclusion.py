@@ -23,6 +23,7 @@ from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.verdict import (
     IMITATED,
+    MISSING,
     confirmed,
     doubted,
     missing_in_noise,
@@ -87,7 +88,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         left=bool(left),
         missing=max(may_miss, surprise(after)),
         confirms=confirmed(before, after),
-        imitates=remaining > IMITATED,
+        imitates=may_miss > MISSING and remaining > IMITATED,
     )
     holds = said == "effects found"
     return Diagnosis(
