@@ -35,7 +35,7 @@ from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.weights import expected_spread
-from jaxmuscle.estimation.windows import Case, Problem, case, check_held_out
+from jaxmuscle.estimation.windows import Case, Problem, case, check_held_out, check_parts
 from jaxmuscle.parallel import in_background
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
@@ -134,6 +134,7 @@ def _diagnosed(
     begin = time.perf_counter()
     masks = _masks(recording, ignored)
     prepared = case(recording, held_out, masks)
+    check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared, candidates)
     parts = prepared.training.in_parts(PARTS)

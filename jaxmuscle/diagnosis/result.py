@@ -160,7 +160,7 @@ class Diagnosis:
         missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
             reading on the training data.
         share_left: of the typical size of what is missing, what the added effects leave, in the worst column
-            (:func:`~jaxmuscle.diagnosis.verdict.share_left`); 1 without any.
+            (:func:`~jaxmuscle.diagnosis.verdict.share_left`); 1 without any where something is missing.
         declared: the machine as declared, fitted to all training data.
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
             `None` where the card is sure of everything and nothing was added.

@@ -308,6 +308,23 @@ def check_held_out(held_out: float | NDArray[np.bool_], rows: int) -> None:
     )
 
 
+def check_parts(case: Case) -> None:
+    """Make sure that every predicted column has readings that count, to be fitted and held out.
+
+    Raises:
+        InputError: one has none in one of the two parts.
+    """
+    windows, rows = case.windows, np.arange(len(case.recording))
+    for part, chosen in (("to be fitted", ~windows.held_out), ("held out", windows.held_out)):
+        inside = np.isin(rows, windows.sample_rows(len(rows))[chosen][windows.mask[chosen]])
+        for column in (name for names in case.actuator.outputs.values() for name in names):
+            if not (inside & case.usable[column]).any():
+                raise InputError(
+                    f"recording {case.recording.name!r}: no reading of {column!r} that counts is left among "
+                    f"the rows {part}; hold out other rows, ignore less, or cut the recording"
+                )
+
+
 def _mask(held_out: float | NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     if np.isscalar(held_out):
         return np.arange(rows) >= round((1 - float(held_out)) * rows)  # pyright: ignore[reportArgumentType]

@@ -66,3 +66,16 @@ def test_a_diagnosis_leaves_them_out_and_missing_readings_too() -> None:
     assert found.unused == {"force": len(rows), "pressure": len(rows)}
     assert found.effects[0].parameters["amplitude"].value == pytest.approx(0.8, rel=0.05)
     assert found.after["held_out"]["force"].in_noise < 1.5
+
+
+@pytest.mark.parametrize(
+    ("part", "rows"), [("held out", slice(1400, None)), ("to be fitted", slice(0, 1400))]
+)
+def test_a_sensor_without_readings_in_a_part_is_told(part: str, rows: slice) -> None:
+    recording = driven_recording({}, driven_card({}), seed=5)
+    columns = {name: values.copy() for name, values in recording.columns.items()}
+    columns["force"][rows] = np.nan
+    with pytest.raises(
+        jm.InputError, match=f"no reading of 'force' that counts is left among the rows {part}"
+    ):
+        diagnose(dataclasses.replace(recording, columns=columns), held_out=np.arange(len(recording)) >= 1400)
