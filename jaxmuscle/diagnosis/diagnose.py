@@ -71,7 +71,8 @@ def diagnose(
     Every round fits the present model and the model with each candidate on some of the training windows
     and judges them on the others, fold by fold. The best candidate is added when unseen windows support it
     with p < 0.01, all candidates of the round and the correlation of residuals in time allowed for (the
-    second with p < 0.005, the third with p < 0.0025); everything is refitted; at most three effects are
+    second with p < 0.005, the third with p < 0.0025). Where too few stretches of the recording move for
+    that, a likelihood ratio decides with p < 0.0001. Then everything is refitted; at most three effects are
     added. One whose strength the last fit leaves within two standard deviations of none is taken out again.
     The held-out rows take no part in that: they give the errors that are reported, and confirm what was
     found, or not.

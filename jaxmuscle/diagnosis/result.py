@@ -154,7 +154,8 @@ class Diagnosis:
         unconfirmed: what was added and the verdict does not bear out: held-out data contradict it, or it
             leaves most of what is missing. `model` has it.
         refused: effects that unseen windows supported and the last fit does not → why.
-        unused: column → number of its readings that do not count: missing, to be ignored, or outliers.
+        unused: column → number of its readings that do not count: missing, to be ignored, outliers, or beyond
+            a stop of the model.
         violated_priors: name of each fitted value that is more than three of the card's standard deviations
             from the card's value → how many.
         missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
