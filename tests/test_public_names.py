@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import jaxmuscle
 
 ROOT = Path(__file__).parents[1]
@@ -44,6 +46,7 @@ def documented():
     return sorted(name.removeprefix(".") for name in found)
 
 
+@pytest.mark.slow
 def test_documented_names_load_in_a_fresh_process():
     names = documented()
     assert {"analysis", "hysteresis", "fit", "robot.robot_joint"} <= set(names) and len(names) > 25

@@ -5,19 +5,14 @@ Work is counted in seconds of the sample `lift` on two cores, from nothing compi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import (
-    SETTLED,
-    SLOW,
-    Workbench,
-    carries_state,
-    linear_strength,
-    shapes,
-    strength_path,
-    strengths,
-)
+from jaxmuscle.diagnosis.candidates import carries_state, linear_strength, shapes, strength_path, strengths
+from jaxmuscle.diagnosis.workbench import SLOW, Fitted, Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import parameters, replace
@@ -47,26 +42,32 @@ def search(
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
+    present: Fitted,
     hopeless: float,
     meter: Meter,
-) -> AbstractActuator:
+) -> Fitted:
     """`model` with `effect` added and everything fitted to `problem`.
 
     Two short fits are made, from the fitted model and from the values of the card, and the better one is
     carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
-    of its own. Each begins where the cost is least among several strengths of several shapes. A cost of
-    both above `hopeless` ends the search.
+    of its own. Each begins where the cost is least among several strengths of several shapes, with the
+    weights of the `present` model. A cost of both above `hopeless` ends the search; else it goes on with
+    weights from what is left.
     """
     names = [*accepted, effect.name]
     work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
+    weighed = problem.reweighted(present.factors)
+    readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
+    noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
     for base in (model, bench.with_card_values(model)):
-        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, problem)
+        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, weighed, noise)
         meter.did(next(parts) * work, f"trying {effect.name}")
-        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW))
+        fits.append(bench.fit(begin, names, weighed, SHORT_STEPS, SLOW))
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    ended = minimum.code in SETTLED or minimum.cost > hopeless
-    return best if ended else bench.fit(best, names, problem, LONG_STEPS, SLOW)[0]
+    if minimum.cost > hopeless:
+        return Fitted(best, minimum, present.factors, minimum.cost)
+    return bench.settled(best, names, problem, LONG_STEPS, SLOW)
 
 
 def _best_start(
@@ -75,6 +76,7 @@ def _best_start(
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
+    noise: float,
 ) -> AbstractActuator:
     """`base` with the strength and shape of `effect` at which the cost is least."""
     path = strength_path(effect)
@@ -84,7 +86,7 @@ def _best_start(
         if path in shape:
             tries.append(shaped)
         else:
-            found = _strengths(bench, shaped, accepted, effect, problem)
+            found = _strengths(bench, shaped, accepted, effect, problem, noise)
             tries += [replace(shaped, {path: strength}) for strength in found]
     return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
 
@@ -95,6 +97,7 @@ def _strengths(
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
+    noise: float,
 ) -> list[float]:
     """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
     path = strength_path(effect)
@@ -102,4 +105,7 @@ def _strengths(
     residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
     nonnegative = parameters(model)[path].nonnegative
     linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
-    return [abs(linear) if nonnegative else linear, *strengths(slopes[len(own)], residual, nonnegative)]
+    return [
+        abs(linear) if nonnegative else linear,
+        *strengths(slopes[len(own)], residual, nonnegative, noise),
+    ]

@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import SETTLED, Workbench, strength_path
+from jaxmuscle.diagnosis.candidates import strength_path
 from jaxmuscle.diagnosis.dependence import reveal, unexplained
 from jaxmuscle.diagnosis.discrepancy import missing_rates
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
@@ -32,7 +32,9 @@ from jaxmuscle.diagnosis.verdict import (
     verdict,
     violated_priors,
 )
+from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
+from jaxmuscle.estimation.prepare import DISCREPANCY
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
@@ -160,9 +162,9 @@ def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Col
     gone = {strength_path(c.effect): 0.0 for c in outcome.found if c not in kept}
     names = [candidate.effect.name for candidate in kept]
     model = bench.dressed(replace(outcome.model, gone), names)
-    model, minimum = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
-    converged = outcome.converged and minimum.code in SETTLED
-    return dataclasses.replace(outcome, model=model, found=kept, folds=(), converged=converged)
+    fitted = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
+    converged = outcome.converged and fitted.lane.code in SETTLED
+    return dataclasses.replace(outcome, model=fitted.model, found=kept, folds=(), converged=converged)
 
 
 def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> AbstractActuator:
@@ -183,7 +185,7 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     held_out, none = held_out_rows(case), np.zeros(len(case.recording), dtype=bool)
     unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
     program, given = bench.program(model), (case.recording,)
-    found = estimate(model, given, asked, unused, Method(program=program))
+    found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
     lean = _lean(bench, found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 

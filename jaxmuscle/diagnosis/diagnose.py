@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import SETTLED, missing, workbench
+from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, Outcome, conclude, mean_squares
 from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.excitation import excited
@@ -30,6 +30,7 @@ from jaxmuscle.diagnosis.ranking import (
 )
 from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
+from jaxmuscle.diagnosis.workbench import SETTLED, workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.missing_data import Mask, usable
@@ -142,12 +143,13 @@ def _diagnosed(
     meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
     meter.did(0.0, "fitting the declared model")
     compiled = in_background(lambda: bench.compile_stateful(parts))
-    declared, _ = bench.fit(bench.model, [], parts, FIT_STEPS)
+    declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
     meter.did(DECLARED, "fitting the declared model with its final weights")
     parts = _with_spread(prepared, parts, declared)
-    declared, _ = bench.fit(declared, [], parts, FIT_STEPS)
+    declared = bench.settled(declared, [], parts, FIT_STEPS).model
     training = _with_spread(prepared, prepared.training, declared)
-    declared, minimum = bench.fit(declared, [], training, FIT_STEPS)
+    fitted = bench.settled(declared, [], training, FIT_STEPS)
+    declared = fitted.model
     model, found, rounds, folds = declared, [], [], ()
     while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
         if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
@@ -164,10 +166,11 @@ def _diagnosed(
         meter.did(0.0, f"adding {best.effect.name}, refitting everything")
         names = [f.effect.name for f in found]
         begins = (best.model, bench.with_card_values(best.model))
-        model, minimum = bench.best_fit(begins, names, training, FIT_STEPS)
+        fitted = bench.best_fit(begins, names, training, FIT_STEPS)
+        model = fitted.model
         meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
     meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, minimum.code in SETTLED, masks)
+    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, fitted.lane.code in SETTLED, masks)
     return conclude(prepared, bench, training, outcome, begin)
 
 

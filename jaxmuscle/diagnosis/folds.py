@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import SLOW, Workbench
 from jaxmuscle.diagnosis.evidence import SAFE, Blocks, Losses, block_losses
+from jaxmuscle.diagnosis.workbench import SLOW, Fitted, Workbench
 from jaxmuscle.estimation.windows import Problem
 
 FOLDS = 4
@@ -46,14 +46,18 @@ class Folds:
             self.fold_of[order] = np.arange(number) % self.count
 
     def judged(
-        self, bench: Workbench, model: AbstractActuator, effects: Sequence[str], fold: int
+        self, bench: Workbench, fitted: Fitted, effects: Sequence[str], fold: int
     ) -> tuple[Losses, AbstractActuator]:
-        """`model` fitted, with `effects`, to all folds but one, and its losses on that one."""
+        """A model fitted, with `effects`, to all folds but one, and its losses on that one.
+
+        Args:
+            fitted: the model fitted to everything, where the fit begins, and its weights.
+        """
         judged = np.flatnonzero(self.fold_of == fold)
         fitting = self.problem.only(~np.isin(self.block, self._beside(judged)))
-        fitted, _ = bench.fit(model, effects, fitting, STEPS, SLOW)
-        residuals = bench.residuals(fitted, self.problem)
-        return block_losses(residuals, self.problem.weights, self.block, judged), fitted
+        model, _ = bench.fit(fitted.model, effects, fitting.reweighted(fitted.factors), STEPS, SLOW)
+        residuals = bench.residuals(model, self.problem)
+        return block_losses(residuals, self.problem.weights, self.block, judged), model
 
     def _beside(self, judged: NDArray[np.int64]) -> NDArray[np.int64]:
         """The judged blocks and those near them that are not fitted either."""

@@ -12,11 +12,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import HOPE, search, search_work
-from jaxmuscle.diagnosis.candidates import (
-    Workbench,
-    carries_state,
-    paths_of,
-)
+from jaxmuscle.diagnosis.candidates import carries_state, paths_of
 from jaxmuscle.diagnosis.evidence import (
     LIKELIHOOD_RATIO,
     Blocks,
@@ -31,6 +27,7 @@ from jaxmuscle.diagnosis.evidence import (
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
+from jaxmuscle.diagnosis.workbench import Fitted, Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -113,30 +110,32 @@ def rank(
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
         meter.expect(round_work(rest, FOLDS))
-    present, fitted = bench.fit(model, accepted, problem, STEPS)
-    squares = _excess_squares(bench, present, problem)
-    hopeless = fitted.cost - HOPE * max(0.5 * squares, 0.0)
+    present = bench.settled(model, accepted, problem, STEPS)
+    squares = _excess_squares(bench, present.model, problem)
+    hopeless = present.lane.cost - HOPE * max(0.5 * _weighed_excess(bench, present, problem), 0.0)
     searched = on_all_cores(
-        lambda effect: search(bench, model, accepted, effect, problem, hopeless, meter), rest
+        lambda effect: search(bench, model, accepted, effect, problem, present, hopeless, meter), rest
     )
-    before = _seen(bench, present, problem, block)
-    seen = [_seen(bench, found, problem, block) for found in searched]
+    before = _seen(bench, present.model, problem, block)
+    seen = [_seen(bench, found.model, problem, block) for found in searched]
     gains = [gain(before, own) for own in seen]
-    falls = [(squares - _excess_squares(bench, found, problem)) / max(squares, 1.0) for found in searched]
+    falls = [
+        (squares - _excess_squares(bench, found.model, problem)) / max(squares, 1.0) for found in searched
+    ]
     chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
     left = [
-        Candidate(effect, Evidence(gained, 1.0, _typical(own)), own, found, ())
+        Candidate(effect, Evidence(gained, 1.0, _typical(own)), own, found.model, ())
         for effect, gained, own, found, promises in zip(rest, gains, seen, searched, chosen, strict=True)
         if not promises
     ]
     best = min(zip(seen, searched, strict=True), key=lambda pair: float(pair[0].sum()))[1]
-    folds = Folds(problem, block, _correlation(bench, best, problem, block))
+    folds = Folds(problem, block, _correlation(bench, best.model, problem, block))
     promising = [(e, m) for e, m, promises in zip(rest, searched, chosen, strict=True) if promises]
-    models = [(model, list(accepted)), *((m, [*accepted, e.name]) for e, m in promising)]
+    models = [(present, list(accepted)), *((found, [*accepted, e.name]) for e, found in promising)]
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
     work = JUDGEMENT * (len(rest) + 1) / len(models)
 
-    def judge(task: tuple[AbstractActuator, list[str], int]) -> tuple[Losses, AbstractActuator]:
+    def judge(task: tuple[Fitted, list[str], int]) -> tuple[Losses, AbstractActuator]:
         judged = folds.judged(bench, *task)
         meter.did(work, "judging all on windows that they were not fitted to")
         return judged
@@ -149,7 +148,7 @@ def rank(
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
         evidence = _by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
     tried = [
-        Candidate(effect, told, own, found, models)
+        Candidate(effect, told, own, found.model, models)
         for (effect, found), told, own, models in zip(
             promising, evidence, losses[1:], refitted[1:], strict=True
         )
@@ -163,7 +162,7 @@ def _by_likelihood(
     model: AbstractActuator,
     accepted: Sequence[str],
     problem: Problem,
-    promising: Sequence[tuple[type[AbstractEffect], AbstractActuator]],
+    promising: Sequence[tuple[type[AbstractEffect], Fitted]],
     evidence: Sequence[Evidence],
     tried: int,
 ) -> list[Evidence]:
@@ -174,11 +173,12 @@ def _by_likelihood(
         tried: candidates that were searched, which the p-value allows for (Bonferroni).
     """
     starts = (model, bench.with_card_values(model))
-    before = bench.residuals(bench.best_fit(starts, accepted, problem, STEPS)[0], problem)
+    before = bench.residuals(bench.best_fit(starts, accepted, problem, STEPS).model, problem)
     found = []
     for (effect, larger), told in zip(promising, evidence, strict=True):
         if told.too_few_stretches(len(accepted)):
-            after, parameters = bench.residuals(larger, problem), len(paths_of(larger, effect.name))
+            after = bench.residuals(larger.model, problem)
+            parameters = len(paths_of(larger.model, effect.name))
             p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
             told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
         found.append(told)
@@ -195,6 +195,12 @@ def _excess_squares(bench: Workbench, model: AbstractActuator, problem: Problem)
     """Sum of the squared weighted residuals of `model` beyond what noise leaves, 1 for each reading."""
     readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
     return 2 * bench.cost(model, problem) - readings
+
+
+def _weighed_excess(bench: Workbench, present: Fitted, problem: Problem) -> float:
+    """Sum of the squared residuals, by the weights of the fit, beyond what noise leaves of it."""
+    weighed = problem.reweighted(present.factors)
+    return 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
 
 
 def _correlation(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> int:

@@ -165,8 +165,11 @@ class Diagnosis:
         declared: the machine as declared, fitted to all training data.
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
             `None` where the card is sure of everything and nothing was added.
-            ``jaxmuscle.fit(diagnosis.model, recording, masks=diagnosis.traces.held_out)`` gives the values
-            again; without the masks it fits the held-out rows too, which must not have a say here.
+            ``jaxmuscle.fit(diagnosis.model, recording, noise="discrepancy",
+            masks=diagnosis.traces.held_out)`` gives the values again. The noise is that of the sensors where
+            nothing is missing; elsewhere what the model leaves counts as uncertainty too, else the card's
+            priors would weigh nothing. Without the masks held-out rows are fitted too, which must not have a
+            say here.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.

@@ -129,11 +129,7 @@ class Station:
 
     def reweighted(self, factors: Mapping[str, NDArray[np.float64]]) -> Station:
         """With the weights of each output multiplied by a factor (one for each of its columns)."""
-        weights = {
-            out: w * jnp.asarray(factors[out] if w.ndim > 2 else np.ravel(factors[out])[0])
-            for out, w in self.problem.weights.items()
-        }
-        return dataclasses.replace(self, problem=self.problem.with_weights(weights))
+        return dataclasses.replace(self, problem=self.problem.reweighted(factors))
 
 
 def station(

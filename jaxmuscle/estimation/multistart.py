@@ -105,8 +105,8 @@ MOST_NUMBERS = 4e7
 """Derivatives in one program at most, which bounds its starts."""
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
-ROUNDS = 2
-"""Times that the weights are taken anew from the residuals."""
+ROUNDS = 8
+"""Times at most that the weights are taken anew from the residuals."""
 
 Tell = Callable[[str, Course], None]
 
@@ -130,6 +130,10 @@ class Search:
     tell: Tell
     continuation: tuple[float, ...] = ()
     solver: Callable[[Lane, Local, Limits], None] | None = None
+
+    def reweighed(self, objective: Objective, u: Float[np.ndarray, " k"]) -> Objective:
+        """An objective weighted by the sensors' noise, with the weights that are asked for, at u."""
+        return objective if self.reweigh is None else self.reweigh(objective, u)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,49 +165,61 @@ def search(task: Search) -> Found:
         if lanes and (winner_of(lanes).code == BUDGET or time.monotonic() > first.deadline):
             break
         parts = dataclasses.replace(objective, stations=stations)
+        parts = task.reweighed(parts, winner_of(lanes).u if lanes else task.points[0])
         lanes = descend_distinct(parts, points, failed, first, counted.on(stage))
-    objective = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
-    lanes = _on_whole_windows(objective, task.points[0], lanes, limits, counted.on("whole windows"))
+    by_sensors = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
+    objective, lanes = _on_whole_windows(task, by_sensors, lanes, limits, counted.on("whole windows"))
     winner = winner_of(lanes)
-    sharper = _sharper(objective, winner, task)
-    if sharper is not objective:
-        objective, (points, failed) = sharper, ends(lanes)
+    sharper = _sharper(by_sensors, winner, task)
+    if sharper is not by_sensors:
+        by_sensors, (points, failed) = sharper, ends(lanes)
+        objective = task.reweighed(by_sensors, winner.u)
         lanes = descend_distinct(objective, points, failed, limits, counted.on("solver's error taken off"))
         winner = winner_of(lanes)
-    by_sensors = objective
-    for _ in range(ROUNDS if task.reweigh else 0):
-        assert task.reweigh is not None
-        objective = task.reweigh(by_sensors, winner.u)
-        points, failed = ends(lanes)
+    if task.reweigh is not None:
+        objective, lanes = _with_own_weights(task, by_sensors, lanes, limits, counted)
+    return Found(objective, winner_of(lanes), tuple(lanes), task.points, limits, counted.total)
+
+
+def _with_own_weights(
+    task: Search, by_sensors: Objective, lanes: list[Lane], limits: Limits, counted: _Counter
+) -> tuple[Objective, list[Lane]]:
+    """The objective with weights from the residuals that it leaves, and where it has its minimum."""
+    for _ in range(ROUNDS):
+        winner, (points, failed) = winner_of(lanes), ends(lanes)
+        objective = task.reweighed(by_sensors, winner.u)
         if time.monotonic() > task.deadline:
             winner.code = BUDGET
             break
         lanes = descend_distinct(objective, points, failed, limits, counted.on("weights from residuals"))
-        winner = winner_of(lanes)
-    return Found(objective, winner, tuple(lanes), task.points, limits, counted.total)
+        if np.allclose(winner_of(lanes).u, winner.u, rtol=0, atol=SAME):
+            break
+    return objective, lanes
 
 
 def _on_whole_windows(
-    objective: Objective,
-    begin: Float[np.ndarray, " k"],
+    task: Search,
+    by_sensors: Objective,
     lanes: Sequence[Lane],
     limits: Limits,
     tell: Callable[[Course], None],
-) -> list[Lane]:
-    """Descend from where the parts of windows led, and from `begin` if the cost is less there.
+) -> tuple[Objective, list[Lane]]:
+    """Descend from where the parts of windows led, and from the first start if the cost is less there.
 
-    `begin`, the first start, is the machine as it was given. It may come from a fit: where the cost has
-    several valleys (joints that stick), parts of windows may lead out of the best one.
+    The first start is the machine as it was given. It may come from a fit: where the cost has several
+    valleys (joints that stick), parts of windows may lead out of the best one. With weights from residuals
+    both are looked at by those of the first start: what is less by the weights of a point is less by its own.
     """
-    points, failed = ends(lanes)
-    if 0 in failed:
-        return descend_distinct(objective, points, failed, limits, tell)
-    there, here = objective.at(np.stack([points[0], begin]))
-    if not (here.finite and here.cost < there.cost):
-        return descend_distinct(objective, points, failed, limits, tell)
-    *found, own = descend_distinct(objective, np.vstack([points, begin]), failed, limits, tell)
-    found[0] = winner_of([found[0], own])
-    return found
+    (points, failed), begin = ends(lanes), task.points[0]
+    objective = task.reweighed(by_sensors, begin)
+    if 0 not in failed:
+        there, here = objective.at(np.stack([points[0], begin]))
+        if here.finite and here.cost < there.cost:
+            *found, own = descend_distinct(objective, np.vstack([points, begin]), failed, limits, tell)
+            found[0] = winner_of([found[0], own])
+            return objective, found
+    objective = task.reweighed(by_sensors, winner_of(lanes).u)
+    return objective, descend_distinct(objective, points, failed, limits, tell)
 
 
 def _sharper(objective: Objective, winner: Lane, task: Search) -> Objective:

@@ -141,6 +141,53 @@ def with_estimated_noise(objective: Objective, u: NDArray[np.float64]) -> Object
     return dataclasses.replace(objective, stations=stations)
 
 
+@dataclasses.dataclass(frozen=True)
+class Discrepancy:
+    r"""What a model leaves of one output beyond the noise of its sensor.
+
+    Attributes:
+        readings: N, how many count.
+        square: r², the mean square of the weighted residuals.
+        time: τ, their integrated autocorrelation time in samples, at least 1.
+    """
+
+    readings: int
+    square: float
+    time: float
+
+    @classmethod
+    def of(cls, residual: Line, counts: NDArray[np.bool_], size: float | None = None) -> Discrepancy:
+        """From the weighted residuals in time, which of them count, and their size by a loss."""
+        if size is None:
+            size = float(np.sqrt((residual[counts] ** 2).mean())) if counts.any() else 0.0
+        readings = int(counts.sum())
+        if size <= 1:
+            return cls(readings, size**2, 1.0)
+        # At least one of them is independent of the others.
+        time = min(memory(np.where(counts, residual, 0.0), counts).time, readings)
+        return cls(readings, size**2, time)
+
+    @property
+    def excess(self) -> float:
+        r""":math:`(r^2 - 1)_+`."""
+        return max(self.square - 1, 0.0)
+
+    @property
+    def factor(self) -> float:
+        r"""What weights are multiplied by: :math:`1/\sqrt{1 + (r^2 - 1)_+ τ}`."""
+        return float(1 / np.sqrt(1 + self.excess * self.time))
+
+    @property
+    def cost(self) -> float:
+        r"""Cost of what is left: :math:`\frac N2 \min(r^2, 1) + \frac{N}{2τ} \ln(1 + (r^2 - 1)_+ τ)`.
+
+        Its derivative by r² is that of half the sum of squares with weights by `factor`: a fit whose weights
+        are those of its own residuals is at a minimum of it, priors added.
+        """
+        beyond = float(np.log1p(self.excess * self.time)) / self.time
+        return 0.5 * self.readings * (min(self.square, 1.0) + beyond)
+
+
 def with_discrepancy(objective: Objective, u: NDArray[np.float64]) -> Objective:
     r"""With what the model leaves at u counted as uncertainty beside the noise of the sensors.
 
@@ -158,10 +205,8 @@ def with_discrepancy(objective: Objective, u: NDArray[np.float64]) -> Objective:
     factors: dict[int, dict[str, list[float]]] = {}
     for line in series(objective, u):
         size = float(objective.loss.size(np.where(line.counts, line.residual, np.nan)[:, None], (0,))[0])
-        excess = max(np.nan_to_num(size, nan=1.0) ** 2 - 1, 0.0)
-        time = memory(line.residual, line.counts).time if excess > 0 else 1.0
         own = factors.setdefault(line.recording, {}).setdefault(line.output, [])
-        own.append(float(1 / np.sqrt(1 + excess * max(time, 1.0))))
+        own.append(Discrepancy.of(line.residual, line.counts, np.nan_to_num(size, nan=1.0)).factor)
     stations = [
         station.reweighted({output: np.array(each) for output, each in factors.get(number, {}).items()})
         for number, station in enumerate(objective.stations)

@@ -155,6 +155,15 @@ class Problem(eqx.Module):
                 weights[out] = jnp.asarray(np.where(counts, 1 / np.sqrt(known), 0.0))
         return self.with_weights(weights)
 
+    def reweighted(self, factors: Mapping[str, Float[np.ndarray, " columns"]]) -> Problem:
+        """A copy with the weights of each output multiplied by a factor (one for each of its columns)."""
+        return self.with_weights(
+            {
+                out: w * jnp.asarray(factors[out] if w.ndim > 2 else np.ravel(factors[out])[0])
+                for out, w in self.weights.items()
+            }
+        )
+
     def in_parts(self, parts: int) -> Problem:
         """A copy in which every window is predicted in `parts`, each from the measured state.
 

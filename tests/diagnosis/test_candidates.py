@@ -12,7 +12,6 @@ from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis.candidates import (
     SEEN,
-    SPARE,
     carries_state,
     linear_strength,
     loaded,
@@ -20,8 +19,8 @@ from jaxmuscle.diagnosis.candidates import (
     paths_of,
     shapes,
     strengths,
-    workbench,
 )
+from jaxmuscle.diagnosis.workbench import SPARE, workbench
 from jaxmuscle.effects import BY_NAME, CATALOGUE
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, replace

@@ -11,8 +11,8 @@ from oracles import bench
 from oracles.recorded import clock, driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.candidates import SETTLED
 from jaxmuscle.diagnosis.conclusion import _estimates
+from jaxmuscle.diagnosis.workbench import SETTLED
 from jaxmuscle.report.report_files import write
 from jaxmuscle.robot import robot
 
@@ -23,7 +23,7 @@ SMALL = 0.1
 def refitted(diagnosis, recording, **how):
     """Distance of each value of the report from that of a fit of its model, in the report's deviations."""
     masks = diagnosis.traces.held_out
-    fit = jm.fit(diagnosis.model, recording, masks=masks, **how)
+    fit = jm.fit(diagnosis.model, recording, masks=masks, noise="discrepancy", **how)
     assert fit.code in SETTLED
     reported = diagnosis.parameters
     return {name: (v - reported[name].value) / reported[name].std for name, v in fit.values.items()}

@@ -7,7 +7,7 @@ import pytest
 from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
-from jaxmuscle.diagnosis.candidates import SETTLED, workbench
+from jaxmuscle.diagnosis.workbench import SETTLED, workbench
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.residuals import evaluate, values_and_chosen_slopes
 from jaxmuscle.estimation.windows import case

@@ -12,7 +12,7 @@ from oracles.joint import joint
 
 import jaxmuscle as jm
 from jaxmuscle.estimation.dataset import station
-from jaxmuscle.estimation.multistart import _on_whole_windows, stages
+from jaxmuscle.estimation.multistart import Search, _on_whole_windows, stages
 from jaxmuscle.optimization.levenberg_marquardt import Lane, Limits, Local
 
 
@@ -85,5 +85,6 @@ def test_a_start_that_is_better_than_where_parts_led_is_kept(begin, led, end):
         Limits(-np.full(1, np.inf), np.full(1, np.inf), 50, 1),
     )
     objective: Any = TwoValleys()
-    (found,) = _on_whole_windows(objective, np.array([begin]), lanes, limits, lambda course: None)
+    task = Search(objective, np.array([[begin]]), 50, np.inf, None, lambda stage, course: None)
+    _, (found,) = _on_whole_windows(task, objective, lanes, limits, lambda course: None)
     assert found.u[0] == pytest.approx(end, abs=0.01)

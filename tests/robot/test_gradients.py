@@ -87,6 +87,7 @@ def test_reverse_equals_forward():
     np.testing.assert_allclose(gradient, np.einsum("stqp,tq->sp", forward(), WEIGHTS), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_gradient_over_the_commands_equals_finite_differences():
     tracks, slope = stacked(), np.asarray(reverse()[1])
     assert np.isfinite(slope).all()
