@@ -74,7 +74,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     declared = _lean(bench, outcome.declared, [])
     begun = in_background(lambda: _begun(case, outcome))
     outcome, final, refused = _borne_out(case, bench, training, outcome)
-    names = [candidate.effect.name for candidate in outcome.found]
+    names = [candidate.name for candidate in outcome.found]
     values = _estimates(final, outcome.folds) if final else {}
     effects = tuple(_found(candidate, values) for candidate in outcome.found)
     missing = missing_rates(case, outcome.model)
@@ -116,7 +116,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         unexplained=left,
         parameters=values,
         correlations=final.correlations if final else pd.DataFrame(),
-        reveal=reveal(case, outcome.model, outcome.found[0].effect if outcome.found else None, missing),
+        reveal=reveal(case, outcome.model, outcome.found[0].effects[0] if outcome.found else None, missing),
         traces=traces,
         converged=outcome.converged and (final is None or final.code in SETTLED),
         seconds=time.perf_counter() - begin,
@@ -140,7 +140,7 @@ def _borne_out(
     """
     refused: dict[str, str] = {}
     while True:
-        names = [candidate.effect.name for candidate in outcome.found]
+        names = [candidate.name for candidate in outcome.found]
         final = _final_fit(case, bench, outcome, names)
         if final is None:
             return outcome, None, refused
@@ -148,7 +148,7 @@ def _borne_out(
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
         # By the fit's own standard deviations: that folds disagree on how much is no doubt that it is there.
         values = _estimates(final, ())
-        strengths = {c.effect.name: c.effect.strength for c in outcome.found}
+        strengths = {c.name: c.effects[0].strength for c in outcome.found}
         reasons = doubted([_found(candidate, values) for candidate in outcome.found], strengths)
         if not reasons:
             return outcome, final, refused
@@ -158,9 +158,9 @@ def _borne_out(
 
 def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Collection[str]) -> Outcome:
     """The outcome without some of its effects, everything else fitted again."""
-    kept = tuple(candidate for candidate in outcome.found if candidate.effect.name not in refused)
-    gone = {strength_path(c.effect): 0.0 for c in outcome.found if c not in kept}
-    names = [candidate.effect.name for candidate in kept]
+    kept = tuple(candidate for candidate in outcome.found if candidate.name not in refused)
+    gone = {strength_path(c.effects[0]): 0.0 for c in outcome.found if c not in kept}
+    names = [candidate.name for candidate in kept]
     model = bench.dressed(replace(outcome.model, gone), names)
     fitted = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
     converged = outcome.converged and fitted.lane.code in SETTLED
@@ -207,7 +207,7 @@ def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str,
 
 
 def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
-    effect = candidate.effect
+    (effect,) = candidate.effects
     return FoundEffect(
         name=effect.name,
         signal=effect.slot.name,

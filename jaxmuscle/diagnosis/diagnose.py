@@ -13,46 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
-from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
-from jaxmuscle.diagnosis.conclusion import FIT_STEPS, Outcome, conclude, mean_squares
-from jaxmuscle.diagnosis.evidence import compare
+from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
+from jaxmuscle.diagnosis.forward_selection import begun
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
-    REFIT,
-    Candidate,
-    Ranking,
-    rank,
     round_work,
 )
-from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Round
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
-from jaxmuscle.diagnosis.workbench import SETTLED, workbench
+from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
-from jaxmuscle.estimation.weights import expected_spread
-from jaxmuscle.estimation.windows import Case, Problem, case, check_held_out, check_parts
-from jaxmuscle.parallel import in_background
+from jaxmuscle.estimation.windows import case, check_held_out, check_parts
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
 
-MOST_EFFECTS = 3
 LESS = 0.8
 """Ratio of what two sets of effects leave up to which the larger set counts."""
-NOTHING_LEFT = 1.1
-"""Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
-TOLD_APART = 0.05
-"""p-value below which the best candidate is told apart from another."""
-PARTS = 4
-"""Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth."""
-SPREAD = 2.0
-"""Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
 
 
 def _silent(progress: Progress) -> None:
@@ -139,39 +123,21 @@ def _diagnosed(
     check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared, candidates)
-    parts = prepared.training.in_parts(PARTS)
     meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
-    meter.did(0.0, "fitting the declared model")
-    compiled = in_background(lambda: bench.compile_stateful(parts))
-    declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
-    meter.did(DECLARED, "fitting the declared model with its final weights")
-    parts = _with_spread(prepared, parts, declared)
-    declared = bench.settled(declared, [], parts, FIT_STEPS).model
-    training = _with_spread(prepared, prepared.training, declared)
-    fitted = bench.settled(declared, [], training, FIT_STEPS)
-    declared = fitted.model
-    model, found, rounds, folds = declared, [], [], ()
-    while len(found) < MOST_EFFECTS and len(found) < len(bench.candidates):
-        if max(mean_squares(bench, model, training).values()) < NOTHING_LEFT:
-            break
-        compiled.result()
-        ranking = rank(bench, model, [f.effect.name for f in found], parts, meter)
-        best = _supported(ranking, len(found))
-        rounds.append(_round(ranking, best))
-        folds = best.folds if best else ranking.folds
-        if best is None:
-            break
-        found.append(best)
-        meter.expect(REFIT)
-        meter.did(0.0, f"adding {best.effect.name}, refitting everything")
-        names = [f.effect.name for f in found]
-        begins = (best.model, bench.with_card_values(best.model))
-        fitted = bench.best_fit(begins, names, training, FIT_STEPS)
-        model = fitted.model
-        meter.did(REFIT, f"looking whether the model with {best.effect.name} lacks anything else")
+    seeking = begun(prepared, bench, meter)
+    declared = seeking.model
+    seeking.seek()
     meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(declared, model, tuple(found), tuple(rounds), folds, fitted.lane.code in SETTLED, masks)
-    return conclude(prepared, bench, training, outcome, begin)
+    outcome = Outcome(
+        declared,
+        seeking.model,
+        tuple(seeking.found),
+        tuple(seeking.rounds),
+        seeking.folds,
+        seeking.converged,
+        masks,
+    )
+    return conclude(prepared, bench, seeking.training, outcome, begin)
 
 
 def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.bool_]]:
@@ -180,43 +146,3 @@ def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.b
     good = usable(actuator, recording, ignored).good
     masks = sensor_outliers(actuator, recording, recording.card.noise)
     return {column: ~good[column] | masks.get(column, False) for column in good}
-
-
-def _with_spread(prepared: Case, training: Problem, model: AbstractActuator) -> Problem:
-    """The training windows, with weights that allow for what the smoothed states leave uncertain."""
-    wider = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
-    return training.allowing(expected_spread(model, training, wider))
-
-
-def _supported(ranking: Ranking, found: int) -> Candidate | None:
-    """The best candidate, if unseen windows support it; `found`: effects that were added before."""
-    if not ranking.candidates:
-        return None
-    best = ranking.candidates[0]
-    return best if best.evidence.supports(found) else None
-
-
-def _told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
-    """Whether `best` predicts unseen windows significantly better than another candidate."""
-    if candidate is best:
-        return False
-    return compare(candidate.losses, [best.losses], stretch)[0].p_value < TOLD_APART
-
-
-def _round(ranking: Ranking, best: Candidate | None) -> Round:
-    first = ranking.candidates[0]
-    entries = tuple(
-        Alternative(
-            candidate.effect.name,
-            candidate.effect.slot.name,
-            candidate.evidence.gain,
-            candidate.evidence.p_value,
-            candidate.evidence.loss,
-            not candidate.judged or _told_apart(candidate, first, ranking.stretch),
-            candidate.judged,
-            candidate.evidence.test,
-            candidate.evidence.stretches,
-        )
-        for candidate in ranking.candidates
-    )
-    return Round(ranking.loss, entries, best.effect.name if best else None)

@@ -38,6 +38,10 @@ second, a quarter for the third. A likelihood ratio has to be clearer: its distr
 LEAST_GAIN = {SIGN_FLIPS: 0.05, LIKELIHOOD_RATIO: 0.3}
 """Test → part of the excess error on unseen windows that an effect must remove. Over a few stretches chance
 removes more, and a likelihood ratio says only that something is missing, not that it is this."""
+HALVED = 2 * float(np.log(2.0))
+"""Fall of the loss in a typical block that does instead: an error that is halved, of whatever size."""
+OUTCOMES = 10
+"""Outcomes of the sign-flip test at least that have to be able to support an effect."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,6 +55,7 @@ class Evidence:
             what the sensors' noise leaves.
         stretches: how many stretches of the recording tell the two models apart.
         test: which test the p-value is of, :data:`SIGN_FLIPS` or :data:`LIKELIHOOD_RATIO`.
+        fall: by how much the loss falls in a typical block of those in which either model misses.
     """
 
     gain: float
@@ -58,6 +63,7 @@ class Evidence:
     loss: float
     stretches: int = 0
     test: str = SIGN_FLIPS
+    fall: float = 0.0
 
     def supports(self, found: int) -> bool:
         """Whether it is enough to add an effect, when so many were found before.
@@ -65,11 +71,12 @@ class Evidence:
         Every round is another chance to be misled: each may spend half of what the one before could, so that
         all of them together stay below twice the first one's limit.
         """
-        return self.gain >= LEAST_GAIN[self.test] and self.p_value <= LARGEST_P[self.test] / 2**found
+        enough = self.gain >= LEAST_GAIN[self.test] or self.fall >= HALVED
+        return enough and self.p_value <= LARGEST_P[self.test] / 2**found
 
     def too_few_stretches(self, found: int) -> bool:
-        """Whether no outcome of the sign-flip test could support an effect."""
-        return 0.5**self.stretches > LARGEST_P[SIGN_FLIPS] / 2**found
+        """Whether fewer than :data:`OUTCOMES` outcomes of the sign-flip test could support an effect."""
+        return OUTCOMES * 0.5**self.stretches > LARGEST_P[SIGN_FLIPS] / 2**found
 
 
 def block_losses(
@@ -97,10 +104,24 @@ def block_losses(
 
 
 def gain(before: Losses, after: Losses) -> float:
-    """Part of the excess loss that goes, over the blocks in which either model misses."""
-    telling = np.maximum(before, after) > TELLING
+    """Part of the excess loss that goes, over the blocks in which either model misses; 1 at most.
+
+    Where fewer readings count than noise has freedom, less than noise can be left.
+    """
+    telling = _telling(before, after)
     excess = (before[telling] - NOISE).sum()
-    return float((before - after)[telling].sum() / excess) if excess > 0 else 0.0
+    return min(float((before - after)[telling].sum() / excess), 1.0) if excess > 0 else 0.0
+
+
+def _telling(before: Losses, after: Losses) -> NDArray[np.bool_]:
+    """Blocks in which either model misses."""
+    return np.maximum(before, after) > TELLING
+
+
+def typical_fall(before: Losses, after: Losses) -> float:
+    """Mean fall of the loss over the blocks in which either model misses."""
+    telling = _telling(before, after)
+    return float((before - after)[telling].mean()) if telling.any() else 0.0
 
 
 def compare(before: Losses, others: Sequence[Losses], stretch: int = 1) -> list[Evidence]:
@@ -112,14 +133,20 @@ def compare(before: Losses, others: Sequence[Losses], stretch: int = 1) -> list[
     scores = [signed_ranks(_by_stretch(before, after, stretch)) for after in others]
     p_values = sign_flip_test(np.array(scores))
     return [
-        Evidence(gain(before, after), p_value, float(np.expm1(after.mean())), int(np.count_nonzero(score)))
+        Evidence(
+            gain(before, after),
+            p_value,
+            float(np.expm1(after.mean())),
+            int(np.count_nonzero(score)),
+            fall=typical_fall(before, after),
+        )
         for after, p_value, score in zip(others, p_values, scores, strict=True)
     ]
 
 
 def _by_stretch(before: Losses, after: Losses, stretch: int) -> Float[np.ndarray, " stretches"]:
     """Fall of the loss in each stretch, over the outputs and blocks in which either model misses."""
-    telling = np.maximum(before, after) > TELLING
+    telling = _telling(before, after)
     fall = np.where(telling, before - after, 0.0).sum(axis=0)
     starts = np.arange(0, len(fall), stretch)
     return np.add.reduceat(fall, starts)

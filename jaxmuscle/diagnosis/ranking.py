@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidate_search import HOPE, search, search_work
+from jaxmuscle.diagnosis.candidate_search import search, search_work
 from jaxmuscle.diagnosis.candidates import carries_state, paths_of
 from jaxmuscle.diagnosis.evidence import (
     LIKELIHOOD_RATIO,
@@ -60,17 +60,26 @@ MOST = 5
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """An effect, how well it predicts unseen windows, and the models fitted with it.
+    """An effect, or several, how well they predict unseen windows, and the models fitted with them.
 
     `model`: to all blocks; `folds`: to all but those of one fold, fold by fold. Without folds it was not
     tried on unseen windows: its evidence is that of the windows it was fitted to, and too little.
     """
 
-    effect: type[AbstractEffect]
+    effects: tuple[type[AbstractEffect], ...]
     evidence: Evidence
     losses: Losses
     model: AbstractActuator
     folds: tuple[AbstractActuator, ...]
+
+    @property
+    def name(self) -> str:
+        """Names of its effects."""
+        return " + ".join(effect.name for effect in self.effects)
+
+    def apart(self) -> list[Candidate]:
+        """Its effects one by one, with the evidence of all of them."""
+        return [dataclasses.replace(self, effects=(effect,)) for effect in self.effects]
 
     @property
     def judged(self) -> bool:
@@ -89,6 +98,11 @@ class Ranking:
     folds: tuple[AbstractActuator, ...]
     candidates: tuple[Candidate, ...]
     stretch: int
+
+    def supported(self, found: int) -> Candidate | None:
+        """The best candidate, if unseen windows support it; `found`: effects that were added before."""
+        best = self.candidates[0] if self.candidates else None
+        return best if best is not None and best.evidence.supports(found) else None
 
 
 def rank(
@@ -112,9 +126,8 @@ def rank(
         meter.expect(round_work(rest, FOLDS))
     present = bench.settled(model, accepted, problem, STEPS)
     squares = _excess_squares(bench, present.model, problem)
-    hopeless = present.lane.cost - HOPE * max(0.5 * _weighed_excess(bench, present, problem), 0.0)
     searched = on_all_cores(
-        lambda effect: search(bench, model, accepted, effect, problem, present, hopeless, meter), rest
+        lambda effect: search(bench, model, accepted, effect, problem, present, meter), rest
     )
     before = _seen(bench, present.model, problem, block)
     seen = [_seen(bench, found.model, problem, block) for found in searched]
@@ -124,16 +137,41 @@ def rank(
     ]
     chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
     left = [
-        Candidate(effect, Evidence(gained, 1.0, _typical(own)), own, found.model, ())
+        Candidate((effect,), Evidence(gained, 1.0, typical(own)), own, found.model, ())
         for effect, gained, own, found, promises in zip(rest, gains, seen, searched, chosen, strict=True)
         if not promises
     ]
     best = min(zip(seen, searched, strict=True), key=lambda pair: float(pair[0].sum()))[1]
-    folds = Folds(problem, block, _correlation(bench, best.model, problem, block))
-    promising = [(e, m) for e, m, promises in zip(rest, searched, chosen, strict=True) if promises]
-    models = [(present, list(accepted)), *((found, [*accepted, e.name]) for e, found in promising)]
+    folds = Folds(problem, block, correlation(bench, best.model, problem, block))
+    promising = [((e,), m) for e, m, promises in zip(rest, searched, chosen, strict=True) if promises]
+    models = [(present, list(accepted)), *((m, [*accepted, e.name]) for (e,), m in promising)]
+    losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
+    evidence = compare(losses[0], losses[1:], folds.stretch)
+    if any(told.too_few_stretches(len(accepted)) for told in evidence):
+        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
+    tried = [
+        Candidate(effects, told, own, found.model, models)
+        for (effects, found), told, own, models in zip(
+            promising, evidence, losses[1:], refitted[1:], strict=True
+        )
+    ]
+    ranked = [*sorted(tried, key=unseen_loss), *sorted(left, key=unseen_loss)]
+    return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch)
+
+
+def judged_all(
+    bench: Workbench,
+    folds: Folds,
+    models: Sequence[tuple[Fitted, list[str]]],
+    work: float,
+    meter: Meter,
+) -> tuple[list[Losses], list[tuple[AbstractActuator, ...]]]:
+    """Losses of models, each with the names of its effects, on unseen windows, and their fits to each fold.
+
+    Args:
+        work: what is done with the judgement of one model on one fold.
+    """
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
-    work = JUDGEMENT * (len(rest) + 1) / len(models)
 
     def judge(task: tuple[Fitted, list[str], int]) -> tuple[Losses, AbstractActuator]:
         judged = folds.judged(bench, *task)
@@ -143,26 +181,15 @@ def rank(
     judged, count = on_all_cores(judge, tasks), folds.count
     each = [judged[i : i + count] for i in range(0, len(judged), count)]
     losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
-    refitted = [tuple(model for _, model in parts) for parts in each]
-    evidence = compare(losses[0], losses[1:], folds.stretch)
-    if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = _by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
-    tried = [
-        Candidate(effect, told, own, found.model, models)
-        for (effect, found), told, own, models in zip(
-            promising, evidence, losses[1:], refitted[1:], strict=True
-        )
-    ]
-    ranked = [*sorted(tried, key=_loss), *sorted(left, key=_loss)]
-    return Ranking(_typical(losses[0]), refitted[0], tuple(ranked), folds.stretch)
+    return losses, [tuple(model for _, model in parts) for parts in each]
 
 
-def _by_likelihood(
+def by_likelihood(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
     problem: Problem,
-    promising: Sequence[tuple[type[AbstractEffect], Fitted]],
+    promising: Sequence[tuple[tuple[type[AbstractEffect], ...], Fitted]],
     evidence: Sequence[Evidence],
     tried: int,
 ) -> list[Evidence]:
@@ -175,10 +202,10 @@ def _by_likelihood(
     starts = (model, bench.with_card_values(model))
     before = bench.residuals(bench.best_fit(starts, accepted, problem, STEPS).model, problem)
     found = []
-    for (effect, larger), told in zip(promising, evidence, strict=True):
+    for (effects, larger), told in zip(promising, evidence, strict=True):
         if told.too_few_stretches(len(accepted)):
             after = bench.residuals(larger.model, problem)
-            parameters = len(paths_of(larger.model, effect.name))
+            parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
             p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
             told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
         found.append(told)
@@ -197,18 +224,13 @@ def _excess_squares(bench: Workbench, model: AbstractActuator, problem: Problem)
     return 2 * bench.cost(model, problem) - readings
 
 
-def _weighed_excess(bench: Workbench, present: Fitted, problem: Problem) -> float:
-    """Sum of the squared residuals, by the weights of the fit, beyond what noise leaves of it."""
-    weighed = problem.reweighted(present.factors)
-    return 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
-
-
-def _correlation(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> int:
+def correlation(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> int:
     """Blocks in time over which the residuals of `model` go together."""
     return correlated_blocks(block_means(bench.residuals(model, problem), problem.weights, block))
 
 
-def _typical(losses: Losses) -> float:
+def typical(losses: Losses) -> float:
+    """Typical mean square of the weighted residuals, 1 being what noise leaves."""
     return float(np.expm1(losses.mean()))
 
 
@@ -226,5 +248,6 @@ def _promising(gains: Sequence[float]) -> list[bool]:
     return [gain >= PROMISING and i in most and (near[i] or i in first) for i, gain in enumerate(gains)]
 
 
-def _loss(candidate: Candidate) -> float:
+def unseen_loss(candidate: Candidate) -> float:
+    """What candidates are ordered by."""
     return candidate.evidence.loss

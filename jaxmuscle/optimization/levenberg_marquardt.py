@@ -295,6 +295,9 @@ def _propose(lane: Lane, limits: Limits) -> None:
         lane.end(CONVERGED)
         return
     lane.size = float(np.sqrt(moved**2 @ lane.curvature))
+    if lane.size == 0:  # Rejected steps have become shorter than numbers tell apart, or bounds allow none.
+        lane.end(STALLED)
+        return
     lane.radius = lane.size if first else lane.radius
     # Clipped at a bound, a step need not go downhill: it is then rejected, and a shorter one is.
     lane.expected = float(-(g @ moved) - 0.5 * moved @ matrix @ moved)

@@ -8,8 +8,16 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.diagnose import _supported, diagnose
-from jaxmuscle.diagnosis.evidence import LARGEST_P, LEAST_GAIN, LIKELIHOOD_RATIO, SIGN_FLIPS, Evidence
+from jaxmuscle.diagnosis.diagnose import diagnose
+from jaxmuscle.diagnosis.evidence import (
+    LARGEST_P,
+    LEAST_GAIN,
+    LIKELIHOOD_RATIO,
+    SIGN_FLIPS,
+    Evidence,
+    gain,
+    typical_fall,
+)
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
 from jaxmuscle.effects import LoadFriction
 from jaxmuscle.parameters import parameters
@@ -161,11 +169,11 @@ def test_practice_recordings(shared, name, effect):
 )
 def test_what_supports_an_effect(loss, gain, p_value, found, accepted):
     def candidate(gain, p_value):
-        return Candidate(LoadFriction, Evidence(gain, p_value, loss), np.zeros((1, 1)), None, ())  # pyright: ignore
+        return Candidate((LoadFriction,), Evidence(gain, p_value, loss), np.zeros((1, 1)), None, ())  # pyright: ignore
 
     best = candidate(gain, p_value)
     ranking = Ranking(loss, (), (best, candidate(0.0, 1.0)), 1)
-    assert _supported(ranking, found) is (best if accepted else None)
+    assert ranking.supported(found) is (best if accepted else None)
 
 
 @pytest.mark.parametrize(
@@ -176,19 +184,31 @@ def test_a_likelihood_ratio_has_to_be_clearer(gain, p_value, enough):
 
 
 def test_stretches_that_are_too_few_for_any_outcome():
-    """2^-7 is below a hundredth, 2^-6 is not; every further effect needs one more."""
-    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(0) for n in (6, 7)] == [True, False]
-    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(1) for n in (7, 8)] == [True, False]
+    """Ten times 2^-10 is below a hundredth, ten times 2^-9 is not; every further effect needs one more."""
+    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(0) for n in (9, 10)] == [True, False]
+    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(1) for n in (10, 11)] == [True, False]
+
+
+def test_halving_a_large_error_is_enough_whatever_part_of_its_logarithm_that_is():
+    """From 100 to 50 noise units the loss, a logarithm of a square, falls by 0.15 of itself only."""
+    before, after = (np.full((1, 20), np.log1p(size**2)) for size in (100.0, 49.0))
+    halved, less = typical_fall(before, after), typical_fall(before, np.full((1, 20), np.log1p(60.0**2)))
+    assert gain(before, after) < 0.2
+
+    def supported(p_value, fall):
+        return Evidence(0.15, p_value, 1.0, 4, LIKELIHOOD_RATIO, fall).supports(0)
+
+    assert supported(1e-6, halved) and not supported(1e-6, less) and not supported(1e-3, halved)
 
 
 def test_the_best_candidate_or_none():
     """A runner-up whose p-value is small enough does not take the place of a best one without support."""
 
     def candidate(p_value):
-        return Candidate(LoadFriction, Evidence(0.2, p_value, 1.0), np.zeros((1, 12)), None, ())  # pyright: ignore
+        return Candidate((LoadFriction,), Evidence(0.2, p_value, 1.0), np.zeros((1, 12)), None, ())  # pyright: ignore
 
-    assert _supported(Ranking(5.0, (), (candidate(0.013), candidate(0.009)), 1), 0) is None
+    assert Ranking(5.0, (), (candidate(0.013), candidate(0.009)), 1).supported(0) is None
 
 
 def test_nothing_to_choose_from_supports_nothing():
-    assert _supported(Ranking(5.0, (), (), 1), 0) is None
+    assert Ranking(5.0, (), (), 1).supported(0) is None

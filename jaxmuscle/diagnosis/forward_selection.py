@@ -1,0 +1,155 @@
+"""Forward selection of effects: rank all candidates, add the best one that unseen windows support, refit
+everything, repeat.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
+from jaxmuscle.diagnosis.evidence import compare
+from jaxmuscle.diagnosis.pairs import best_pair
+from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
+from jaxmuscle.diagnosis.result import Alternative, Round
+from jaxmuscle.diagnosis.verdict import MUCH
+from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
+from jaxmuscle.estimation.weights import expected_spread
+from jaxmuscle.estimation.windows import Case, Problem
+from jaxmuscle.parallel import in_background
+from jaxmuscle.progress import Meter
+
+MOST_EFFECTS = 3
+NOTHING_LEFT = 1.1
+"""Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
+TOLD_APART = 0.05
+"""p-value below which the best candidate is told apart from another."""
+PARTS = 4
+"""Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth."""
+SPREAD = 2.0
+"""Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
+
+
+@dataclasses.dataclass
+class ForwardSelection:
+    """A model that grows.
+
+    Attributes:
+        parts, training: the training windows, cut into parts and whole.
+        ready: waits for what a search needs compiled.
+        model: as found so far, fitted to `training`; `converged`: whether that fit was.
+        found: what was added, effect by effect; `rounds`: the searches; `folds`: fits of the last one.
+        before: the model and the ranking of the last search that added something.
+    """
+
+    bench: Workbench
+    parts: Problem
+    training: Problem
+    meter: Meter
+    ready: Callable[[], object]
+    model: AbstractActuator
+    converged: bool
+    found: list[Candidate] = dataclasses.field(default_factory=list)
+    rounds: list[Round] = dataclasses.field(default_factory=list)
+    folds: tuple[AbstractActuator, ...] = ()
+    before: tuple[AbstractActuator, Ranking] | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the effects that were added."""
+        return [candidate.name for candidate in self.found]
+
+    def seek(self) -> None:
+        """Add effects until nothing is missing, none is supported, or there are :data:`MOST_EFFECTS`."""
+        most = min(MOST_EFFECTS, len(self.bench.candidates))
+        while len(self.found) < most:
+            left = max(mean_squares(self.bench, self.model, self.training).values())
+            if left < NOTHING_LEFT or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
+                break
+
+    def _single(self) -> bool:
+        """Add the best candidate, if unseen windows support it."""
+        self.ready()
+        ranking = rank(self.bench, self.model, self.names, self.parts, self.meter)
+        best = ranking.supported(len(self.found))
+        self.rounds.append(_round(ranking, best))
+        if best is not None or not self.found:
+            self.before = self.model, ranking
+        if best is None:
+            self.folds = ranking.folds
+            return False
+        self._add(best)
+        return True
+
+    def _pair(self) -> bool:
+        """Add a pair, in place of a single effect that was added, which may imitate the two, or of none."""
+        if len(self.found) > 1 or self.before is None:
+            return False
+        model, ranking = self.before
+        pair = best_pair(self.bench, model, [], ranking, self.parts, self.meter)
+        if pair is None or not pair.evidence.supports(len(self.found) + 1):
+            return False
+        self.found.clear()
+        ranking = dataclasses.replace(ranking, candidates=(pair, *ranking.candidates))
+        self.rounds.append(_round(ranking, pair))
+        self._add(pair)
+        return True
+
+    def _add(self, best: Candidate) -> None:
+        """Add what was found and refit everything."""
+        self.found += best.apart()
+        self.meter.expect(REFIT)
+        self.meter.did(0.0, f"adding {best.name}, refitting everything")
+        begins = (best.model, self.bench.with_card_values(best.model))
+        fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
+        self.model, self.converged = fitted.model, fitted.lane.code in SETTLED
+        self.folds = best.folds
+        self.meter.did(REFIT, f"looking whether the model with {best.name} lacks anything else")
+
+
+def begun(case: Case, bench: Workbench, meter: Meter) -> ForwardSelection:
+    """The declared model fitted, before anything is added."""
+    parts = case.training.in_parts(PARTS)
+    meter.did(0.0, "fitting the declared model")
+    compiled = in_background(lambda: bench.compile_stateful(parts))
+    declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
+    meter.did(DECLARED, "fitting the declared model with its final weights")
+    parts = _with_spread(case, parts, declared)
+    declared = bench.settled(declared, [], parts, FIT_STEPS).model
+    training = _with_spread(case, case.training, declared)
+    fitted = bench.settled(declared, [], training, FIT_STEPS)
+    converged = fitted.lane.code in SETTLED
+    return ForwardSelection(bench, parts, training, meter, compiled.result, fitted.model, converged)
+
+
+def _with_spread(case: Case, training: Problem, model: AbstractActuator) -> Problem:
+    """The training windows, with weights that allow for what the smoothed states leave uncertain."""
+    wider = {name: SPREAD * values for name, values in case.observed.spread.items()}
+    return training.allowing(expected_spread(model, training, wider))
+
+
+def _told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
+    """Whether `best` predicts unseen windows significantly better than another candidate."""
+    if candidate is best:
+        return False
+    return compare(candidate.losses, [best.losses], stretch)[0].p_value < TOLD_APART
+
+
+def _round(ranking: Ranking, best: Candidate | None) -> Round:
+    first = ranking.candidates[0]
+    entries = tuple(
+        Alternative(
+            candidate.name,
+            candidate.effects[0].slot.name,
+            candidate.evidence.gain,
+            candidate.evidence.p_value,
+            candidate.evidence.loss,
+            not candidate.judged or _told_apart(candidate, first, ranking.stretch),
+            candidate.judged,
+            candidate.evidence.test,
+            candidate.evidence.stretches,
+        )
+        for candidate in ranking.candidates
+    )
+    return Round(ranking.loss, entries, best.name if best else None)

@@ -1,0 +1,124 @@
+"""Pairs of effects: tried together where no single one is supported and much is missing.
+
+Of two effects that act at once either one alone may explain little, and what it leaves goes together over so
+long a time that few stretches tell it apart from none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidate_search import search
+from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
+from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
+from jaxmuscle.diagnosis.ranking import (
+    JUDGEMENT,
+    Candidate,
+    Ranking,
+    by_likelihood,
+    correlation,
+    judged_all,
+    round_work,
+)
+from jaxmuscle.diagnosis.workbench import Fitted, Workbench
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parallel import on_all_cores
+from jaxmuscle.progress import Meter
+
+LEADERS = 2
+"""Single candidates, the best ones, that every other one is tried beside."""
+NEEDED = 0.2
+"""Part of the excess error that a pair has to remove, on unseen windows, of what a single effect leaves:
+either of its own, or the best one; or it halves the error."""
+
+
+def best_pair(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    ranking: Ranking,
+    problem: Problem,
+    meter: Meter,
+) -> Candidate | None:
+    """The pair that explains most where it is fitted, if both effects are needed.
+
+    It also has to do better, by :data:`NEEDED`, than the best single candidate. Its p-value allows for all
+    pairs that were tried (Bonferroni).
+
+    Args:
+        model, accepted: the present model and its effects, of which `ranking` is.
+    """
+    leaders = [candidate for candidate in ranking.candidates if candidate.judged][:LEADERS]
+    rest = [effect for effect in bench.candidates if effect.name not in accepted]
+    if not leaders or len(rest) < 2:
+        return None
+    meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
+    pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]
+    effects, found = min(pairs, key=lambda pair: pair[1].cost)
+    if not math.isfinite(found.cost):
+        return None
+    return _judged(bench, model, accepted, ranking, problem, effects, found, len(pairs), meter)
+
+
+def _needed(single: Losses, both: Losses) -> bool:
+    """Whether a pair does better than a single effect."""
+    return gain(single, both) >= NEEDED or typical_fall(single, both) >= HALVED
+
+
+Pair = tuple[tuple[type[AbstractEffect], ...], Fitted]
+
+
+def _beside(
+    bench: Workbench,
+    accepted: Sequence[str],
+    leader: Candidate,
+    rest: Sequence[type[AbstractEffect]],
+    problem: Problem,
+    meter: Meter,
+) -> list[Pair]:
+    """Every other candidate beside `leader`, fitted to everything."""
+    names = [*accepted, leader.name]
+    present = bench.settled(leader.model, names, problem, STEPS)
+    others = [effect for effect in rest if effect not in leader.effects]
+    found = on_all_cores(
+        lambda effect: search(bench, present.model, names, effect, problem, present, meter), others
+    )
+    return [((*leader.effects, effect), fitted) for effect, fitted in zip(others, found, strict=True)]
+
+
+def _judged(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    ranking: Ranking,
+    problem: Problem,
+    effects: tuple[type[AbstractEffect], ...],
+    found: Fitted,
+    tried: int,
+    meter: Meter,
+) -> Candidate | None:
+    """A pair with its evidence on unseen windows; `None` if a single effect does nearly as well."""
+    block = blocks(len(problem.rows), problem.samples, int(problem.period))
+    folds = Folds(problem, block, correlation(bench, found.model, problem, block))
+    rivals = [c for c in ranking.candidates if c.effects[0] in effects or c is ranking.candidates[0]]
+    models = [
+        (bench.settled(model, accepted, problem, STEPS), list(accepted)),
+        *(
+            (bench.settled(rival.model, [*accepted, rival.name], problem, STEPS), [*accepted, rival.name])
+            for rival in rivals
+        ),
+        (found, [*accepted, *(effect.name for effect in effects)]),
+    ]
+    (without, *singles, both), refitted = judged_all(bench, folds, models, JUDGEMENT, meter)
+    if not all(_needed(single, both) for single in singles):
+        return None
+    (told,) = compare(without, [both], folds.stretch)
+    if told.too_few_stretches(len(accepted) + 1):
+        (told,) = by_likelihood(bench, model, accepted, problem, [(effects, found)], [told], tried)
+    else:
+        told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
+    return Candidate(effects, told, both, found.model, refitted[-1])

@@ -1,0 +1,98 @@
+"""Priors keep their meaning while the model lacks something: a drive with friction that its card leaves out."""
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from estimation.own_rig import Drive as OwnDrive
+
+import jaxmuscle as jm
+from jaxmuscle.actuators import register
+from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.forward_selection import begun
+from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.effects import LoadDamping, LoadFriction
+from jaxmuscle.estimation.windows import case
+from jaxmuscle.parameters import get
+from jaxmuscle.progress import Meter
+
+STEP, FINE = 0.01, 50
+MASS, GAIN, COULOMB, VISCOUS, NOISE = 20.0, 10.0, 8.0, 60.0, 2e-5
+
+
+@register
+class Drive(OwnDrive):
+    """The same in steps that dry friction calls for."""
+
+    rig: ClassVar = "drive-that-rubs"
+    largest_step: ClassVar = 1e-3
+
+
+def measured(seconds=24.0):
+    """Command and position of a drive under a controller that makes it follow a smooth reference."""
+    rng, rows = np.random.default_rng(5), round(seconds / STEP)
+    time = np.arange(rows) * STEP
+    wanted = 0.1 * np.sin(0.9 * time) + 0.06 * np.sin(2.3 * time + 0.4) + 0.03 * np.sin(4.1 * time)
+    x = v = 0.0
+    command, position = np.zeros(rows), np.zeros(rows)
+    for i in range(rows):
+        position[i] = x
+        command[i] = (2500.0 * (wanted[i] - x) - 150.0 * v) / GAIN
+        for _ in range(FINE):
+            free = v + STEP / FINE * (GAIN * command[i] - VISCOUS * v) / MASS
+            v = np.sign(free) * max(abs(free) - STEP / FINE * COULOMB / MASS, 0.0)
+            x += STEP / FINE * v
+    return {"command": command, "position": position + NOISE * rng.normal(size=rows)}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    found = jm.recording(
+        Drive(mass=MASS, gain=GAIN), measured(), STEP, noise={"position": NOISE}, horizon=0.8
+    )
+    return dataclasses.replace(found, card=found.card.updated({"mass": (1.1 * MASS, 0.3 * MASS)}))
+
+
+def test_a_model_that_lacks_friction_is_not_bent_away_from_its_card(recording):
+    """By the noise of the sensor alone the mass goes far beyond what the card allows."""
+    mean, std = 1.1 * MASS, 0.05 * MASS
+    card = recording.card.updated({"mass": (mean, std)})
+    prepared = case(dataclasses.replace(recording, card=card), 0.3, None)
+    bench = workbench(prepared, missing(prepared.actuator, (LoadFriction, LoadDamping)))
+    parts = prepared.training.in_parts(4)
+
+    def off(model):
+        return abs(float(get(model, "mass")) - mean) / std
+
+    bent, _ = bench.fit(bench.model, [], parts, 60)
+    settled = bench.settled(bench.model, [], parts, 60)
+    assert off(bent) > 5
+    assert off(settled.model) < 0.2 * off(bent), (off(settled.model), off(bent))
+    # What was fitted has the weights of what it leaves.
+    again = bench.settled(settled.model, [], parts, 60)
+    assert float(get(again.model, "mass")) == pytest.approx(float(get(settled.model, "mass")), rel=1e-2)
+    assert again.cost == pytest.approx(settled.cost, rel=1e-3)
+    for columns in settled.factors.values():
+        assert (columns < 0.1).all()
+
+
+def test_a_model_that_lacks_nothing_has_the_weights_of_the_sensors(recording):
+    declared = {"load_friction": {"force": (COULOMB, None)}, "load_damping": {"coefficient": (VISCOUS, None)}}
+    prepared = case(dataclasses.replace(recording, card=recording.card.updated({}, declared)), 0.3, None)
+    bench = workbench(prepared, ())
+    whole = begun(prepared, bench, Meter(lambda progress: None))
+    settled = bench.settled(whole.model, [], whole.training, 60)
+    assert float(get(settled.model, "mass")) == pytest.approx(MASS, rel=0.02)
+    assert all((columns > 0.3).all() for columns in settled.factors.values()), settled.factors
+
+
+def test_friction_and_damping_are_found(recording):
+    found = jm.diagnose(recording, catalogue=(LoadFriction, LoadDamping, jm.effects.EndStop))
+    assert found.verdict == "effects found"
+    assert {effect.name for effect in found.effects} == {"load_friction", "load_damping"}
+    values = {name: entry.value for name, entry in found.parameters.items()}
+    assert values["mass"] == pytest.approx(MASS, rel=0.1)
+    assert values["effects.load_friction.force"] == pytest.approx(COULOMB, rel=0.1)
+    assert values["effects.load_damping.coefficient"] == pytest.approx(VISCOUS, rel=0.1)
+    assert not found.violated_priors
