@@ -54,13 +54,15 @@ def diagnose(
     """Fit the model that a recording's card declares and find what it lacks.
 
     Every round fits the present model and the model with each candidate on some of the training windows
-    and judges them on the others, fold by fold. The best candidate is added when unseen windows support it
-    with p < 0.01, all candidates of the round and the correlation of residuals in time allowed for (the
-    second with p < 0.005, the third with p < 0.0025). Where too few stretches of the recording move for
-    that, a likelihood ratio decides with p < 0.0001. Then everything is refitted; at most three effects are
-    added. One whose strength the last fit leaves within two standard deviations of none is taken out again.
-    The held-out rows take no part in that: they give the errors that are reported, and confirm what was
-    found, or not.
+    and judges them on the others, fold by fold. What a model leaves counts as uncertainty beside the noise of
+    the sensors, with its correlation, so that the card's priors keep their weight. The best candidate is
+    added when unseen windows support it with p < 0.01, all candidates of the round and the correlation of
+    residuals in time allowed for (the second with p < 0.005, the third with p < 0.0025). Where too few
+    stretches of the recording move for that, a likelihood ratio decides with p < 0.0001. Where no candidate
+    is supported, or the first one leaves more than three noise units, pairs are tried. Then everything is
+    refitted; at most three effects are added. One whose strength the last fit leaves within two standard
+    deviations of none is taken out again. The held-out rows take no part in that: they give the errors that
+    are reported, and confirm what was found, or not.
 
     Args:
         recording: as :func:`jaxmuscle.read` gives it.

@@ -15,12 +15,15 @@ from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, ran
 from jaxmuscle.diagnosis.result import Alternative, Round
 from jaxmuscle.diagnosis.verdict import MUCH
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
+from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
 from jaxmuscle.progress import Meter
 
 MOST_EFFECTS = 3
+MOST_FOR_PAIRS = len(CATALOGUE)
+"""Candidates up to which pairs are tried: among the forty of a second pass it took half an hour on a joint."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
 TOLD_APART = 0.05
@@ -84,7 +87,7 @@ class ForwardSelection:
 
     def _pair(self) -> bool:
         """Add a pair, in place of a single effect that was added, which may imitate the two, or of none."""
-        if len(self.found) > 1 or self.before is None:
+        if self.before is None or len(self.found) > 1 or len(self.bench.candidates) > MOST_FOR_PAIRS:
             return False
         model, ranking = self.before
         pair = best_pair(self.bench, model, [], ranking, self.parts, self.meter)

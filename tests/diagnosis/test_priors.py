@@ -1,4 +1,4 @@
-"""Priors keep their meaning while the model lacks something: a drive with friction that its card leaves out."""
+"""Priors keep their meaning while a model lacks something: a drive with friction that its card leaves out."""
 
 import dataclasses
 from typing import ClassVar
