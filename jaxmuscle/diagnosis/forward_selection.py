@@ -23,7 +23,7 @@ from jaxmuscle.progress import Meter
 
 MOST_EFFECTS = 3
 MOST_FOR_PAIRS = len(CATALOGUE)
-"""Candidates up to which pairs are tried: among the forty of a second pass it took half an hour on a joint."""
+"""Candidates up to which pairs are tried: the forty of a second pass took half an hour on a joint."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
 TOLD_APART = 0.05
