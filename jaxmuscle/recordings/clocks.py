@@ -90,16 +90,19 @@ def on_clock(time: Series, own: Series, values: Series, *, held: bool) -> NDArra
     own, values = own[there], values[there]
     if own.size == 0:
         return np.full(time.shape, np.nan)
+    # Instants that two clocks share differ by rounding.
+    rounding = 1e-6 * float(np.median(np.diff(own))) if own.size > 1 else 0.0
+    early = time < own[0] - rounding
     if held:
         last = float(np.median(np.diff(time))) if time.size > 1 else 0.0
         found = mean_of_held(own, values, np.append(time, time[-1] + last))
-        return np.where(time < own[0], np.nan, found)
+        return np.where(early, np.nan, found)
     found = np.interp(time, own, values)
-    found[(time < own[0]) | (time > own[-1])] = np.nan
+    found[early | (time > own[-1] + rounding)] = np.nan
     gaps = np.diff(own)
     if gaps.size:
         for i in np.flatnonzero(gaps > LONGEST_GAP * np.median(gaps)):
-            found[(time > own[i]) & (time < own[i + 1])] = np.nan
+            found[(time > own[i] + rounding) & (time < own[i + 1] - rounding)] = np.nan
     return found
 
 

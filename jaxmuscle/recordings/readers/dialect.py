@@ -89,8 +89,8 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
         )
     if samples and names[-1] and 2 * sum(len(row) < len(names) for _, row in samples) > len(samples):
         raise InputError(
-            f"row {index + 1} holds {len(names)} names, the rows below fewer fields, most of them {width}; mend "
-            f"row {index + 1}: a name that holds a separator has to stand in quotes"
+            f"row {index + 1} holds {len(names)} names, the rows below fewer fields, most of them {width}; "
+            f"mend row {index + 1}: a name that holds a separator has to stand in quotes"
         )
     trailing = bool(samples) and all(len(row) == len(names) + 1 and not row[-1] for _, row in samples)
     return Dialect(

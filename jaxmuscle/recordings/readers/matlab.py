@@ -26,7 +26,7 @@ def read(path: Path, content: bytes) -> Table:
         variables = loadmat(io.BytesIO(content), simplify_cells=True)
     except NotImplementedError:
         return _of_version_7_3(path, content)
-    except (MatReadError, ValueError, TypeError, KeyError, OSError, zlib.error) as error:
+    except (MatReadError, ValueError, TypeError, LookupError, OSError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read as a MATLAB file: {error}") from error
     columns = {name: value for name, value in variables.items() if not name.startswith("__")}
     if len(columns) == 1 and isinstance(struct := next(iter(columns.values())), dict):
