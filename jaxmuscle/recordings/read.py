@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from jaxmuscle.recordings.table_checks import (
     check_signals,
     is_regular,
 )
+from jaxmuscle.units import Series
 
 
 def read(
@@ -84,15 +86,35 @@ def _card_beside(file: Path) -> Path:
 def _recording(table: Table, card: Card, sha256: str | None, resample: bool) -> Recording:
     table, columns = si_columns(table, card)
     time = columns.pop("time")
-    check_clock(table, card, time)
-    check_regular(table, card, time, resample=resample)
-    check_signals(table, card, columns)
-    typical = float(np.median(np.diff(time)))
-    check_machine(table.file, RIGS[card.rig], card, columns, typical, lambda index: f"row {table.row(index)}")
-    check_horizon(table, card, time)
+    for check in checks(table, card, time, columns, resample):
+        check()
     if not is_regular(time):
         time, columns = resampled(time, columns, held=RIGS[card.rig].commands)
     step = float(time[-1] - time[0]) / (len(time) - 1)
     file = table.file if isinstance(table.file, Path) else None
     name = str(table.file) if file is None else table_name(file)
     return Recording(name, file, sha256, card, time, step, columns)
+
+
+def checks(
+    table: Table, card: Card, time: Series, columns: Mapping[str, Series], resample: bool
+) -> list[Callable[[], None]]:
+    """What a table has to pass beside its card, each raising `InputError`; the first before all others.
+
+    Args:
+        table: for file and rows.
+        card: how it was made.
+        time: the clock [s].
+        columns: quantity → samples in SI, pressures absolute.
+        resample: whether an irregular clock may be made uniform.
+    """
+    rig = RIGS[card.rig]
+    return [
+        lambda: check_clock(table, card, time),
+        lambda: check_regular(table, card, time, resample=resample),
+        lambda: check_signals(table, card, columns),
+        lambda: check_machine(
+            table.file, rig, card, columns, float(np.median(np.diff(time))), lambda i: f"row {table.row(i)}"
+        ),
+        lambda: check_horizon(table, card, time),
+    ]

@@ -53,12 +53,15 @@ class Table:
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """A column as numbers; `InputError` when it is absent or names the first entry that is no number."""
-        series = pd.Series(self.entries(column))
-        values = np.asarray(pd.to_numeric(series, errors="coerce"), dtype=float)
+        values = self.numbers_or_nan(column)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise InputError(self._not_a_number(series.iloc[bad[0]], bad))
+            raise InputError(self._not_a_number(pd.Series(self.entries(column)).iloc[bad[0]], bad))
         return values
+
+    def numbers_or_nan(self, column: str) -> NDArray[np.float64]:
+        """A column as numbers, NaN where it holds something else; `InputError` when it is absent."""
+        return np.asarray(pd.to_numeric(pd.Series(self.entries(column)), errors="coerce"), dtype=float)
 
     def _listed(self, column: str) -> str:
         """All columns, unless the message has them already."""

@@ -282,6 +282,7 @@ def test_clocks_that_never_meet(tmp_path: Path) -> None:
         read(file, card(COLUMNS))
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:canmatrix", "ignore::DeprecationWarning:asammdf")
 def test_mdf_groups_with_units(tmp_path: Path) -> None:
     asammdf = pytest.importorskip("asammdf")
     file, time = tmp_path / "lift.mf4", FRAME["t_s"].to_numpy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ def library(module: str, package: str, path: Path) -> Any:
         InputError: the package is not installed; the message has the command that installs it.
     """
     try:
-        return importlib.import_module(module)
+        with warnings.catch_warnings():
+            # What its authors still have to change is no news to who reads a file.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return importlib.import_module(module)
     except ImportError as error:
         raise InputError(
             f"{path}: reading such a file needs the package {package}, which cannot be imported ({error}); "
