@@ -21,8 +21,8 @@ from jaxmuscle.recordings.table import Table
 from jaxmuscle.units import CANDIDATES, STANDARD_ATMOSPHERE, Series, is_same_unit, scale
 
 COMMANDED = frozenset(
-    "cmd command commands commanded set setpoint setpt sp ref reference target desired des soll sollwert u dac ao "
-    "out output input control ctrl".split()
+    "cmd command commands commanded set setpoint setpt sp ref reference target desired des soll sollwert u "
+    "dac ao out output input control ctrl".split()
 )
 """Words of what a computer commands."""
 WORDS: dict[str, frozenset[str]] = {
@@ -30,7 +30,7 @@ WORDS: dict[str, frozenset[str]] = {
     "pressure": frozenset("p pressure pressures press pres druck muscle pm".split()),
     "supply_pressure": frozenset("supply ps source versorgung line".split()),
     "position": frozenset(
-        "x y z position pos displacement disp contraction stroke weg travel lift height laser length s".split()
+        "x y z s position pos displacement disp contraction stroke weg travel lift height laser".split()
     ),
     "force": frozenset("f force kraft load loadcell tension pull".split()),
     "angle": frozenset("theta θ phi φ q angle winkel alpha joint rotation encoder".split()),
@@ -108,7 +108,9 @@ def guess_columns(table: Table, rig: Rig) -> dict[str, Guess]:
     # Of columns that are as likely, the first is that of the first quantity.
     order = np.subtract.outer(np.arange(len(needs)) / len(needs), np.arange(len(signals)) / len(signals))
     rows, taken = linear_sum_assignment(scores - 0.01 * np.abs(order), maximize=True)
-    chosen = {list(needs)[row]: signals[i] for row, i in zip(rows, taken, strict=True) if scores[row, i] >= NEEDED}
+    chosen = {
+        list(needs)[row]: signals[i] for row, i in zip(rows, taken, strict=True) if scores[row, i] >= NEEDED
+    }
     found = {}
     for row, (name, need) in enumerate(needs.items()):
         if name not in chosen:
@@ -128,7 +130,7 @@ def guess_rig(table: Table, rigs: Mapping[str, Rig]) -> list[str]:
         guesses = guess_columns(table, rig)
         if all(guess.column is not None for guess in guesses.values()):
             fitting[name] = len(guesses)
-    return [name for name in sorted(fitting, key=lambda name: -fitting[name])]
+    return sorted(fitting, key=lambda name: -fitting[name])
 
 
 def _score(rig: Rig, name: str, need: Need, signal: Signal) -> float:
@@ -176,7 +178,9 @@ def _guess(name: str, need: Need, signal: Signal, rivals: Sequence[str]) -> Gues
         sure = False
     words = WORDS.get(_base(name)[0], frozenset({_base(name)[0]}))
     if not words & {*signal.name.words}:
-        said.append("told by its unit and place only" if signal.name.unit else "the only column that increases")
+        said.append(
+            "told by its unit and place only" if signal.name.unit else "the only column that increases"
+        )
         sure = False
     unit = "s" if signal.stamps else signal.name.unit
     if unit is None:
@@ -220,7 +224,9 @@ def _with_references(
     else:
         reference, why, sure = "gauge", f"gauge is more common; the lowest, {low}, does not tell", False
     return {
-        name: dataclasses.replace(guess, reference=reference, said=(*guess.said, why), sure=guess.sure and sure)
+        name: dataclasses.replace(
+            guess, reference=reference, said=(*guess.said, why), sure=guess.sure and sure
+        )
         if name in silent
         else guess
         for name, guess in guesses.items()

@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.errors import InputError, Problems, nearest
-from jaxmuscle.formatting import meaning
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.column_guess import Guess, guess_columns
 from jaxmuscle.recordings.schema import OPEN, Need, Rig, read_column, read_quantity
 from jaxmuscle.recordings.table import Table
-from jaxmuscle.recordings.typical import card_unit, default_in_card, typical
+from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
 
 FILL_IN, CHECK = "FILL IN", "CHECK"
 SETTING = "NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] or NAME=COLUMN[:UNIT[:gauge|absolute]]"
-NUMBER = re.compile(r"(?P<value>[+-]?[\d.]+(?:[eE][+-]?\d+)?)(?:\s*(?:\+-|±)\s*(?P<std>[\d.]+(?:[eE][+-]?\d+)?))?")
+NUMBER = re.compile(
+    r"(?P<value>[+-]?[\d.]+(?:[eE][+-]?\d+)?)(?:\s*(?:\+-|±)\s*(?P<std>[\d.]+(?:[eE][+-]?\d+)?))?"
+)
 WIDTH = 100
 """Column of the comments at most."""
 
@@ -62,7 +63,7 @@ class Draft:
             f"# Card of {table_name}, drafted by jaxmuscle init.",
             f"# {FILL_IN}: write what you know in place of {OPEN!r}. {CHECK}: guessed; see whether it is so.",
             "# Any unit will do; std is one standard deviation of what you know. Then: jaxmuscle check.",
-            f"rig = {json.dumps(self.rig.rig)}  # {meaning(self.rig.__doc__)}",
+            f"rig = {json.dumps(self.rig.rig)}  # {rig_in_words(self.rig)}",
             'description = ""',
             "",
             "[columns]  # quantity -> column of the table",
@@ -84,10 +85,13 @@ class Draft:
         lines += [
             "",
             "# [noise]  # standard deviation of a sensor; estimated from the table where it is not given",
-            *(f"# {name} = {{ value = {OPEN}, unit = {json.dumps(guess.unit or OPEN)} }}" for name, guess in self._measured()),
+            *(
+                f"# {name} = {entry_text({'value': OPEN, 'unit': guess.unit or OPEN})}"
+                for name, guess in self._measured()
+            ),
             "",
             "# [fit]",
-            '# horizon = { value = 1, unit = "s" }  # predict in windows of this length; the whole when not given',
+            '# horizon = { value = 1, unit = "s" }  # predict in windows of this length',
         ]
         return "\n".join(lines) + "\n"
 
@@ -106,9 +110,10 @@ class Draft:
 
     def _quantity_line(self, name: str, need: Need) -> tuple[str, str]:
         entry, usual = self.entries[name], typical(name, need)
-        comment = need.meaning
+        comment = meaning_in_card(need)
         if OPEN in entry.values():
-            such = f", such as {usual} in {usual.source}" if usual else ""
+            gauge = " gauge" if need.referenced else ""
+            such = f", such as {usual}{gauge} ({usual.source})" if usual else ""
             comment = f"{FILL_IN}: {comment}{such}"
         hint = self.hints.get(name)
         return f"{name} = {entry_text(entry)}", f"{comment}; {hint}" if hint else comment
@@ -175,7 +180,7 @@ def _default_line(rig: Rig, name: str, need: Need) -> tuple[str, str]:
     entry: Entry = {"value": number, "unit": unit}
     if need.referenced:
         entry["reference"] = "absolute"
-    return f"# {name} = {entry_text(entry)}", need.meaning
+    return f"# {name} = {entry_text(entry)}", meaning_in_card(need)
 
 
 def _set_column(table: Table, name: str, need: Need, guess: Guess, body: str) -> Guess:
@@ -191,7 +196,9 @@ def _set_column(table: Table, name: str, need: Need, guess: Guess, body: str) ->
             entry["reference"] = reference or guess.reference or OPEN
         if OPEN not in entry.values():
             read_column(entry, need)
-        told = OPEN not in entry.values() and (unit is not None and (reference is not None or not need.referenced))
+        told = OPEN not in entry.values() and (
+            unit is not None and (reference is not None or not need.referenced)
+        )
         said = () if told else ("its unit and reference are guesses",)
         return Guess(column, entry["unit"], entry.get("reference"), said, told)
     return dataclasses.replace(guess, said=(), sure=True)
@@ -232,7 +239,9 @@ def _hints(table: Table, rig: Rig, guesses: Mapping[str, Guess]) -> dict[str, st
     for column in (c for c in rig.columns.values() if c.check == "valve command"):
         guess = guesses[column.name]
         if guess.column and guess.unit:
-            hints["full_command"] = f"the table goes to {np.abs(table.numbers(guess.column)).max():.4g} {guess.unit}"
+            hints["full_command"] = (
+                f"the table goes to {np.abs(table.numbers(guess.column)).max():.4g} {guess.unit}"
+            )
     pressures = [
         to_si(float(table.numbers(guess.column).max()), guess.unit, "Pa")
         for name, guess in guesses.items()

@@ -41,9 +41,10 @@ def read(
 
     Args:
         path: a table: ``.csv`` and other delimited texts, ``.mat``, ``.npz``, ``.npy``; ``.parquet``,
-            ``.xlsx``, ``.h5``, ``.tdms``, ``.mf4``, ``.mcap``, ``.db3`` and ``.bag`` where their libraries are
-            installed (``jaxmuscle[files]``). :mod:`jaxmuscle.recordings.readers` has a module for each that
-            says how they are laid out. Or a pandas DataFrame or an xarray Dataset in the units that the card names.
+            ``.xlsx``, ``.h5``, ``.tdms``, ``.mf4``, ``.mcap``, ``.db3`` and ``.bag`` where their libraries
+            are installed (``jaxmuscle[files]``). :mod:`jaxmuscle.recordings.readers` has a module for each
+            that says how they are laid out. Or a pandas DataFrame or an xarray Dataset in the units that the
+            card names.
         card: the card or its file; the ``.toml`` of the same stem when not given.
         resample: bring an irregular clock to a uniform one with the median step; see
             :func:`jaxmuscle.recordings.clocks.resampled`. A regular clock is left as it is.

@@ -214,7 +214,9 @@ def _inline_table(entry: object, keys: tuple[str, ...], wanted: str) -> Mapping[
         if key not in keys:
             raise InputError(f"unknown key {key!r}{nearest(key, keys)}")
     if left := [key for key in entry if entry[key] == OPEN]:
-        raise InputError(f"still to be filled in: {' and '.join(left)}; write what you know in place of {OPEN!r}")
+        raise InputError(
+            f"still to be filled in: {' and '.join(left)}; write what you know in place of {OPEN!r}"
+        )
     return entry
 
 

@@ -1,4 +1,4 @@
-"""Survey of a card and its table: everything that is wrong with them at once, and how they were understood."""
+"""Survey of a card and its table: everything that is wrong at once, and how they were understood."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def table_beside(card_file: Path) -> Path:
     found = "there are several" if there else f"there is none that ends with {', '.join(SUFFIXES)}"
     listed = f": {', '.join(file.name for file in there)}" if there else ""
     raise InputError(
-        f"{card_file}: expected its table {card_file.stem} beside it; {found}{listed}. Name it with --recording"
+        f"{card_file}: expected its table {card_file.stem} beside it; {found}{listed}. Name it: --recording"
     )
 
 

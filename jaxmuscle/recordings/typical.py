@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from jaxmuscle.formatting import uncertain
+from jaxmuscle.formatting import meaning, uncertain
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.schema import Need, Rig
 from jaxmuscle.units import example_unit, from_si, is_same_unit
@@ -27,12 +27,20 @@ class Typical:
 
     def __str__(self) -> str:
         """The value with its unit, as a person writes them."""
-        number = f"{self.value:g}" if self.std is None else uncertain(self.value, self.std)
-        return f"{number} {self.unit}".rstrip()
+        return f"{self.number} {self.unit}".rstrip()
+
+    @property
+    def number(self) -> str:
+        """The value, with its standard deviation, without its unit."""
+        return f"{self.value:g}" if self.std is None else uncertain(self.value, self.std)
 
 
 LIFT, SWING = "sample lift", "sample swing"
-TONDU, HENRI, WANG = "[T]", "[H]", "an elbow after [W]"
+TONDU, HENRI, WANG = (
+    "Tondu and Lopez 2000",
+    "the Utah/MIT jet-pipe actuator",
+    "an elbow after Wang et al. 2019",
+)
 TYPICAL: dict[str, Typical] = {
     "initial_length": Typical(300, "mm", TONDU),
     "initial_radius": Typical(7, "mm", TONDU),
@@ -72,21 +80,34 @@ TYPICAL: dict[str, Typical] = {
 }
 """Name of a quantity → what it typically is; of those that a card has to give.
 
-[T]: the muscle and the robot of Tondu and Lopez 2000. [H]: the jet-pipe actuator, with a driver of 0.1 A/V and the
-mid-line of its pipe as the package takes it. The samples come with the package.
+The Utah/MIT jet-pipe actuator [H] is taken with a driver of 0.1 A/V, and with the mid-line of its pipe as the
+package assumes it; the elbow after Wang et al. [W] has the shape of theirs, not their numbers. The samples come
+with the package.
 """
 
 
 def typical(name: str, need: Need) -> Typical | None:
-    """The typical value of a quantity of this name and kind; its default in the rig has precedence elsewhere."""
+    """The typical value of a quantity of this name and kind, if one is known."""
     found = TYPICAL.get(name)
     return found if found is not None and is_same_unit(found.unit, need.unit) else None
+
+
+def meaning_in_card(need: Need) -> str:
+    """The meaning of a quantity where a card gives it, gauge or absolute."""
+    return need.meaning.removesuffix(", absolute")
+
+
+def rig_in_words(rig: Rig) -> str:
+    """What a rig is, by its docstring."""
+    return meaning(rig.__doc__).removeprefix(f"Rig {rig.rig}: ")
 
 
 def card_unit(name: str, need: Need) -> str:
     """The unit in which a card commonly gives a quantity."""
     found = typical(name, need)
-    return example_unit(need.unit) if found is None else found.unit
+    # A bandwidth is an angular velocity that nobody gives in degrees.
+    usual = need.unit if need.unit == "rad/s" else example_unit(need.unit)
+    return usual if found is None else found.unit
 
 
 def default_in_card(rig: Rig, name: str) -> tuple[float, str] | None:
