@@ -39,7 +39,7 @@ WORDS: dict[str, frozenset[str]] = {
 }
 """Quantity without its number → words in the names of its columns."""
 USUAL: dict[str, tuple[float, float]] = {
-    "Pa": (3e4, 2e6),
+    "Pa": (1e5, 1.2e6),
     "m": (2e-3, 0.5),
     "rad": (0.02, 6.3),
     "N": (2, 2e4),
@@ -48,6 +48,8 @@ USUAL: dict[str, tuple[float, float]] = {
     "K": (250, 400),
 }
 """SI unit → sizes of the largest sample of a signal of a bench."""
+LESS_USUAL = 10.0
+"""By what ratio a signal may be outside of these sizes for a unit to be named beside the likeliest."""
 STEP = (2e-4, 0.05)
 """Usual sampling steps [s]."""
 VENTED = 0.97
@@ -184,24 +186,28 @@ def _guess(name: str, need: Need, signal: Signal, rivals: Sequence[str]) -> Gues
         sure = False
     unit = "s" if signal.stamps else signal.name.unit
     if unit is None:
-        unit = _unit_by_size(name, need, signal.values)
+        unit, others = _units_by_size(name, need, signal.values)
         low, high = (float(f(signal.values)) for f in (np.min, np.max))
-        said.append(f"unit by its size, {low:.4g} to {high:.4g}")
+        beside = f"; or {' or '.join(others)}" if others else ""
+        said.append(f"unit by its size, {low:.4g} to {high:.4g}{beside}")
         sure = False
     return Guess(signal.column, unit, signal.name.reference, tuple(said), sure)
 
 
-def _unit_by_size(name: str, need: Need, values: Series) -> str | None:
-    """The likeliest unit of a column that says none."""
+def _units_by_size(name: str, need: Need, values: Series) -> tuple[str | None, list[str]]:
+    """The likeliest unit of a column that says none, and others that may be."""
     if need.unit == "":
-        return ""
+        return "", []
     size = float(np.median(np.diff(values))) if name == CLOCK.name else float(np.max(np.abs(values)))
     low, high = STEP if name == CLOCK.name else USUAL.get(need.unit, (0.0, np.inf))
     units = CANDIDATES.get(need.unit, (need.unit,))
     if need.unit == "rad":
         units = ("rad", "deg") if size <= 2 * np.pi else ("deg",)
-    fitting = [unit for unit in units if low <= size * scale(unit, need.unit) <= high]
-    return fitting[0] if fitting else None
+    sizes = {unit: size * scale(unit, need.unit) for unit in units}
+    usual = [unit for unit in units if low <= sizes[unit] <= high]
+    possible = [unit for unit in units if low / LESS_USUAL <= sizes[unit] <= high * LESS_USUAL]
+    likeliest = next(iter([*usual, *possible]), None)
+    return likeliest, [unit for unit in possible if unit != likeliest]
 
 
 def _with_references(

@@ -81,8 +81,8 @@ TYPICAL: dict[str, Typical] = {
 """Name of a quantity → what it typically is; of those that a card has to give.
 
 The Utah/MIT jet-pipe actuator [H] is taken with a driver of 0.1 A/V, and with the mid-line of its pipe as the
-package assumes it; the elbow after Wang et al. [W] has the shape of theirs, not their numbers. The samples come
-with the package.
+package assumes it; the elbow after Wang et al. [W] has the shape of theirs, not their numbers. The samples
+come with the package.
 """
 
 
