@@ -102,7 +102,7 @@ def test_the_order_of_columns_does_not_matter() -> None:
     for name, rig in (("lift", "isotonic"), ("bench", "driven"), ("swing", "joint")):
         data = frame(name)
         whole = {n: g.column for n, g in guessed(data, rig).items()}
-        assert {n: g.column for n, g in guessed(data[data.columns[::-1]], rig).items()} == whole
+        assert {n: g.column for n, g in guessed(data.iloc[:, ::-1], rig).items()} == whole
 
 
 def test_columns_that_are_not_asked_for_are_left_alone() -> None:
@@ -120,7 +120,7 @@ def test_two_columns_that_may_be_it() -> None:
 def test_what_is_not_there_is_not_made_up() -> None:
     guesses = guessed(frame("lift").drop(columns="x_mm"), "isotonic")
     assert guesses["position"].column is None and not guesses["position"].sure
-    assert guess_rig(table_of_frame("DataFrame", frame("lift")[["t_s", "p_bar"]]), RIGS) == []
+    assert guess_rig(table_of_frame("DataFrame", frame("lift").drop(columns=["valve_V", "x_mm"])), RIGS) == []
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_gauge_or_absolute_by_the_lowest_pressure(shift: float, reference: str, 
 
 
 def test_time_stamps_are_the_clock() -> None:
-    stamps = pd.Timestamp("2026-03-01") + pd.to_timedelta(frame("lift")["t_s"], unit="s")
+    stamps = pd.Timestamp("2026-03-01") + pd.to_timedelta(np.asarray(frame("lift")["t_s"]), unit="s")
     data = frame("lift").drop(columns="t_s").assign(Datum=stamps.map(lambda stamp: stamp.isoformat()))
     guess = guessed(data, "isotonic")["time"]
     assert (guess.column, guess.unit) == ("Datum", "s")

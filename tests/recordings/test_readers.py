@@ -4,6 +4,7 @@ import io
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -59,7 +60,8 @@ def write_mat73(file: Path) -> None:
 
 
 def write_npz(file: Path) -> None:
-    np.savez(file, **{str(name): values.to_numpy() for name, values in FRAME.items()}, note=np.array("x"))
+    columns: dict[str, Any] = {str(name): values.to_numpy() for name, values in FRAME.items()}
+    np.savez(file, **columns, note=np.array("x"))
 
 
 def write_npy(file: Path) -> None:
@@ -119,7 +121,7 @@ def test_parquet_with_time_stamps(tmp_path: Path) -> None:
     for name, zone in zones.items():
         start = pd.Timestamp("2026-03-29T00:59:59", tz=zone)
         file = tmp_path / f"{name}.parquet"
-        FRAME.assign(t_s=start + pd.to_timedelta(FRAME["t_s"], unit="s")).to_parquet(file)
+        FRAME.assign(t_s=start + pd.to_timedelta(np.asarray(FRAME["t_s"]), unit="s")).to_parquet(file)
         np.testing.assert_allclose(read(file, CARD).time, WHOLE.time, rtol=0, atol=1e-9)
 
 
@@ -302,7 +304,7 @@ START = 1_770_000_000_000_000_000
 
 
 def nanoseconds(i: int) -> int:
-    return START + round(FRAME["t_s"][i] * 1e9)
+    return START + round(float(WHOLE.time[i]) * 1_000_000_000)
 
 
 def test_mcap_of_json(tmp_path: Path) -> None:
@@ -333,12 +335,11 @@ def test_mcap_of_json(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ending", [".db3", ".mcap", ".bag"])
 def test_bags_of_ros(tmp_path: Path, ending: str) -> None:
     """A topic with stamps in its headers, written late, and one without."""
-    pytest.importorskip("rosbags")
     pytest.importorskip("mcap")
-    from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import Stores, get_typestore
-
-    types = get_typestore(Stores.ROS1_NOETIC if ending == ".bag" else Stores.ROS2_HUMBLE)
+    rosbag1, rosbag2 = (pytest.importorskip(f"rosbags.rosbag{i}") for i in (1, 2))
+    typesys = pytest.importorskip("rosbags.typesys")
+    stores = typesys.Stores
+    types = typesys.get_typestore(stores.ROS1_NOETIC if ending == ".bag" else stores.ROS2_HUMBLE)
     float64, joint = (types.types[f"{n}"] for n in ("std_msgs/msg/Float64", "sensor_msgs/msg/JointState"))
     header, stamp = types.types["std_msgs/msg/Header"], types.types["builtin_interfaces/msg/Time"]
     place = tmp_path / "lift.bag" if ending == ".bag" else tmp_path / "lift"

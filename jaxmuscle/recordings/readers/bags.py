@@ -64,7 +64,7 @@ def _columns(times: list[int], frame: pd.DataFrame, zero: int) -> dict[str, Any]
     logged = 1e-9 * np.asarray([written - zero for written in times], dtype=float)
     found = {CLOCK: logged}
     for seconds, nanoseconds in PARTS:
-        if seconds in frame and nanoseconds in frame and (frame[seconds] > 0).all():
+        if seconds in frame and nanoseconds in frame and bool((frame[seconds] > 0).to_numpy().all()):
             whole, rest = divmod(zero, 10**9)
             stamps = (frame[seconds] - whole) + 1e-9 * (frame[nanoseconds] - rest)
             found = {CLOCK: stamps.to_numpy(dtype=float), LOGGED: logged}

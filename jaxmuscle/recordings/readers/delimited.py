@@ -39,10 +39,11 @@ def read(path: Path, content: bytes) -> Table:
     text = io.StringIO(content.decode("utf-8"), newline="")
     try:
         dialect = dialect_of([line.rstrip("\r\n") for line in itertools.islice(text, LINES_SEEN)])
-        comments = _comments(content, dialect.first)
-        frame = _frame(content, dialect, comments)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    comments = _comments(content, dialect.first)
+    try:
+        frame = _frame(content, dialect, comments)
     except (pd.errors.EmptyDataError, pd.errors.ParserError) as error:
         reason = str(error).strip().removeprefix("Error tokenizing data. C error: ")
         kind = f"a {SEPARATORS[dialect.separator]}-separated table"

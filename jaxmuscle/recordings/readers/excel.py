@@ -50,7 +50,7 @@ def _sheet(path: Path, sheet: pd.DataFrame) -> Table | None:
     if not samples or samples[0] == 0:
         return None
     first = samples[0]
-    texts = [["" if pd.isna(cell) else str(cell).strip() for cell in head.iloc[i]] for i in range(first)]
+    texts = [["" if _is_empty(cell) else str(cell).strip() for cell in head.iloc[i]] for i in range(first)]
     above = [row for row in texts if all(row)] or texts[-1:]
     below = above[1] if len(above) > 1 and are_units(above[1], above[0]) else None
     names = above[0] if below or len(above) == 1 else above[-1]
@@ -62,6 +62,11 @@ def _sheet(path: Path, sheet: pd.DataFrame) -> Table | None:
     return Table(path, columns, first_row=first + 1, units=units)
 
 
+def _is_empty(cell: Any) -> bool:
+    return bool(pd.isna(cell))
+
+
 def _is_sample(cell: Any) -> bool:
-    number = isinstance(cell, int | float | np.number) and not isinstance(cell, bool) and not pd.isna(cell)
-    return number or (hasattr(cell, "isoformat") and not pd.isna(cell))
+    """Whether a cell holds a number or a time."""
+    number = isinstance(cell, int | float | np.number) and not isinstance(cell, bool)
+    return (number or hasattr(cell, "isoformat")) and not _is_empty(cell)
