@@ -131,6 +131,10 @@ def test_names_in_a_comment_line_as_numpy_writes_them(tmp_path: Path) -> None:
     assert found.row(0) == 3
 
 
+def test_a_column_that_is_called_by_a_mark() -> None:
+    assert_whole(table(text_of(",", names=["#", *NAMES[1:]])), ["#", *NAMES[1:]])
+
+
 def test_remarks_above_the_names() -> None:
     found = table("Bench 3\n\nSampling rate;500;Hz\nChannels;4\n" + text_of(";", ","))
     assert_whole(found)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import itertools
 import re
 import zlib
 from pathlib import Path
@@ -18,8 +17,8 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.dialect import COMMA, SEPARATORS, Dialect, dialect_of
 from jaxmuscle.recordings.table import Table
 
-LINES_SEEN = 200
-"""Lines by which the dialect is told."""
+LINES_SEEN, BYTES_SEEN = 200, 2**22
+"""Lines by which the dialect is told, and where they end at the latest."""
 COMMENT_BELOW = re.compile(rb"[\r\n][ \t]*(?:#|%|//)")
 MOSTLY_LATIN = 0.5
 """Share of characters of a European text, by which UTF-16 is told from bytes that are no text."""
@@ -36,9 +35,8 @@ def read(path: Path, content: bytes) -> Table:
         InputError: no such text, or one that can be understood in two ways.
     """
     content = _utf8(path, _unpacked(path, content))
-    text = io.StringIO(content.decode("utf-8"), newline="")
     try:
-        dialect = dialect_of([line.rstrip("\r\n") for line in itertools.islice(text, LINES_SEEN)])
+        dialect = dialect_of(_first_lines(content))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     comments = _comments(content, dialect.first)
@@ -60,6 +58,13 @@ def read(path: Path, content: bytes) -> Table:
         rows=_rows(dialect.first, comments, len(frame)),
         units={name: unit.strip("[]() ") for name, unit in units.items() if unit.strip("[]()- ")},
     )
+
+
+def _first_lines(content: bytes) -> list[str]:
+    """The first lines, of which the last one is left out where it may be cut."""
+    lines = re.split(r"\r\n|\n|\r", content[:BYTES_SEEN].decode("utf-8", "ignore"))
+    whole = lines[:-1] if len(content) > BYTES_SEEN and len(lines) > 1 else lines
+    return whole[:LINES_SEEN]
 
 
 def _unpacked(path: Path, content: bytes) -> bytes:

@@ -205,6 +205,8 @@ def _commented(lines: Sequence[str], rows: Sequence[Line], separator: str, width
     for i in range(rows[0][0] - 1, -1, -1):
         mark = COMMENT.match(lines[i])
         names = fields_of(lines[i][mark.end() :], separator) if mark else []
+        if mark and names and not names[0]:
+            names[0] = mark[1]  # A column of numbers of samples is often called so.
         if len(names) == width and all(names) and not any(is_number(name) for name in names):
             return i, names
     return None
