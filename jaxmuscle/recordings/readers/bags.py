@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import io
 import json
-import sqlite3
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import pandas as pd
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.groups import CLOCK, grouped
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 LOGGED = "logged"
@@ -74,11 +73,8 @@ def _columns(times: list[int], frame: pd.DataFrame, zero: int) -> dict[str, Any]
 
 def _encodings(path: Path, content: bytes) -> set[str]:
     reader = library("mcap.reader", "mcap", path)
-    fault = library("mcap.exceptions", "mcap", path).McapError
-    try:
+    with reading(path, "MCAP"):
         summary = reader.make_reader(io.BytesIO(content)).get_summary()
-    except (fault, ValueError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as MCAP: {error}") from error
     found = {channel.message_encoding for channel in summary.channels.values()} if summary else set()
     if not found:
         raise InputError(f"{path}: holds no messages, or was not closed; mend it with 'mcap recover'")
@@ -92,11 +88,9 @@ def _encodings(path: Path, content: bytes) -> set[str]:
 
 def _json_messages(path: Path, content: bytes) -> Iterator[Message]:
     reader = library("mcap.reader", "mcap", path)
-    for _, channel, message in reader.make_reader(io.BytesIO(content)).iter_messages():
-        try:
+    with reading(path, "MCAP of JSON"):
+        for _, channel, message in reader.make_reader(io.BytesIO(content)).iter_messages():
             yield channel.topic, message.log_time, json.loads(message.data)
-        except ValueError as error:
-            raise InputError(f"{path}: a message of {channel.topic} is no JSON: {error}") from error
 
 
 def _ros_messages(path: Path) -> Iterator[Message]:
@@ -104,12 +98,9 @@ def _ros_messages(path: Path) -> Iterator[Message]:
     types = library("rosbags.typesys", "rosbags", path)
     # Bags of ROS 2 before Iron do not hold the definitions of their messages.
     usual = types.get_typestore(types.Stores.LATEST)
-    try:
-        with bags.AnyReader([path], default_typestore=usual) as reader:
-            for connection, written, raw in reader.messages():
-                yield connection.topic, written, reader.deserialize(raw, connection.msgtype)
-    except (bags.AnyReaderError, OSError, KeyError, ValueError, sqlite3.Error) as error:
-        raise InputError(f"{path}: cannot be read as a bag of ROS: {error}") from error
+    with reading(path, "a bag of ROS"), bags.AnyReader([path], default_typestore=usual) as reader:
+        for connection, written, raw in reader.messages():
+            yield connection.topic, written, reader.deserialize(raw, connection.msgtype)
 
 
 def _numbers(node: Any, name: str) -> Iterator[tuple[str, float]]:

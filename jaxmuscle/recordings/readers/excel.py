@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import pandas as pd
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.dialect import are_units
 from jaxmuscle.recordings.readers.groups import grouped
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -27,10 +26,8 @@ def read(path: Path, content: bytes) -> Table:
         InputError: not such a file, or openpyxl is not installed.
     """
     library("openpyxl", "openpyxl", path)
-    try:
+    with reading(path, "a workbook"):
         sheets = pd.read_excel(io.BytesIO(content), sheet_name=None, header=None, engine="openpyxl")
-    except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: cannot be read as a workbook: {error}") from error
     tables = {name: found for name, sheet in sheets.items() if (found := _sheet(path, sheet)) is not None}
     if not tables:
         raise InputError(f"{path}: no sheet holds names with samples below them")

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.groups import grouped
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 UNIT_ATTRIBUTES = ("unit", "units", "Unit", "Units")
@@ -41,10 +40,7 @@ def read(path: Path, content: bytes) -> Table:
             if isinstance(unit, str | bytes):
                 units[name] = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
 
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            file.visititems(visit)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as HDF5: {error}") from error
+    with reading(path, "HDF5"), h5py.File(io.BytesIO(content), "r") as file:
+        file.visititems(visit)
     flat = {name: values for name, values in columns.items() if values.ndim == 1}
     return grouped(path, flat, units)

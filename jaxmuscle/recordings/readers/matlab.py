@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import io
-import zlib
 from pathlib import Path
 
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers import hdf5
+from jaxmuscle.recordings.readers.library import reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -22,12 +20,11 @@ def read(path: Path, content: bytes) -> Table:
     Raises:
         InputError: not such a file, or one of version 7.3 where h5py is not installed.
     """
-    try:
-        variables = loadmat(io.BytesIO(content), simplify_cells=True)
-    except NotImplementedError:
-        return _of_version_7_3(path, content)
-    except (MatReadError, ValueError, TypeError, LookupError, OSError, zlib.error) as error:
-        raise InputError(f"{path}: cannot be read as a MATLAB file: {error}") from error
+    with reading(path, "a MATLAB file"):
+        try:
+            variables = loadmat(io.BytesIO(content), simplify_cells=True)
+        except NotImplementedError:
+            return _of_version_7_3(path, content)
     columns = {name: value for name, value in variables.items() if not name.startswith("__")}
     if len(columns) == 1 and isinstance(struct := next(iter(columns.values())), dict):
         columns = struct

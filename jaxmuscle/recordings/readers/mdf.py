@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.groups import CLOCK, grouped
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -27,24 +26,21 @@ def read(path: Path, content: bytes) -> Table:
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
-    try:
-        with asammdf.MDF(io.BytesIO(content)) as file:
-            names = [group.channel_group.acq_name or str(i) for i, group in enumerate(file.groups)]
-            for index, name in enumerate(names):
-                group = name if names.count(name) == 1 else f"{name} {index}"
-                for signal in file.select([(None, index, i) for i in _channels(file, index)]):
-                    if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb":
-                        continue
-                    column, clock = f"{group}/{signal.name}", f"{group}/{CLOCK}"
-                    columns[clock], columns[column] = (
-                        np.asarray(signal.timestamps),
-                        np.asarray(signal.samples),
-                    )
-                    clocks[column] = clocks[clock] = clock
-                    if signal.unit:
-                        units[column] = signal.unit
-    except (asammdf.blocks.utils.MdfException, ValueError, OSError, KeyError, IndexError) as error:
-        raise InputError(f"{path}: cannot be read as MDF: {error}") from error
+    with reading(path, "MDF"), asammdf.MDF(io.BytesIO(content)) as file:
+        names = [group.channel_group.acq_name or str(i) for i, group in enumerate(file.groups)]
+        for index, name in enumerate(names):
+            group = name if names.count(name) == 1 else f"{name} {index}"
+            for signal in file.select([(None, index, i) for i in _channels(file, index)]):
+                if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb":
+                    continue
+                column, clock = f"{group}/{signal.name}", f"{group}/{CLOCK}"
+                columns[clock], columns[column] = (
+                    np.asarray(signal.timestamps),
+                    np.asarray(signal.samples),
+                )
+                clocks[column] = clocks[clock] = clock
+                if signal.unit:
+                    units[column] = signal.unit
     return grouped(path, columns, units, clocks)
 
 

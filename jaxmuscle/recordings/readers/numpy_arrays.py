@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.groups import grouped
+from jaxmuscle.recordings.readers.library import reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -22,15 +21,10 @@ def read(path: Path, content: bytes) -> Table:
         InputError: not such a file, a ``.npy`` whose columns have no names, or pickled objects, which are not
             loaded since they can run any program.
     """
-    try:
+    with reading(path, "a file of NumPy"):
         loaded = np.load(io.BytesIO(content), allow_pickle=False)
-        arrays = (
-            {name: loaded[name] for name in loaded.files}
-            if isinstance(loaded, np.lib.npyio.NpzFile)
-            else {"": loaded}
-        )
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: cannot be read as a file of NumPy: {error}") from error
+        several = isinstance(loaded, np.lib.npyio.NpzFile)
+        arrays = {name: loaded[name] for name in loaded.files} if several else {"": loaded}
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
         if array.dtype.names:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.frames import table_of_frame
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -19,9 +18,7 @@ def read(path: Path, content: bytes) -> Table:
     Raises:
         InputError: not such a file, or pyarrow is not installed.
     """
-    pyarrow = library("pyarrow", "pyarrow", path)
-    try:
+    library("pyarrow", "pyarrow", path)
+    with reading(path, "Parquet"):
         frame = pd.read_parquet(io.BytesIO(content), engine="pyarrow")
-    except (pyarrow.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as Parquet: {error}") from error
     return table_of_frame(path, frame)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import io
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.readers.groups import CLOCK, grouped
-from jaxmuscle.recordings.readers.library import library
+from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 
@@ -26,12 +24,10 @@ def read(path: Path, content: bytes) -> Table:
         InputError: not such a file, or nptdms is not installed.
     """
     nptdms = library("nptdms", "nptdms", path)
-    try:
+    with reading(path, "TDMS"):
         file = nptdms.TdmsFile.read(io.BytesIO(content))
         channels = [(group.name, channel) for group in file.groups() for channel in group.channels()]
         arrays = {f"{group}/{channel.name}": channel[:] for group, channel in channels}
-    except (ValueError, OSError, KeyError, EOFError, TypeError, IndexError, struct.error) as error:
-        raise InputError(f"{path}: cannot be read as TDMS: {error}") from error
     starts = [
         c.properties["wf_start_time"] for _, c in channels if c.properties.get("wf_start_time") is not None
     ]
