@@ -232,6 +232,8 @@ def _print_survey(found: Survey) -> None:
             f"\n{clock.samples} samples in {clock.length:.6g} s, every {1e3 * clock.step:.4g} ms "
             f"({1 / clock.step:.4g} Hz){regular}; longest step {1e3 * clock.longest:.4g} ms"
         )
+    for name, count in found.gaps.items():
+        typer.echo(f"{name}: {count} samples lie in gaps of its own clock and count for nothing")
     if found.card is not None:
         _print_quantities(found.card, console.print)
 

@@ -17,6 +17,7 @@ from jaxmuscle.units import Series
 STAMP = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d\d(:?\d\d(:?\d\d([.,]\d{1,9})?)?)?( ?(Z|[+-]\d\d(:?\d\d)?))?")
 """A date with a time of day as ISO 8601 has it."""
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(:\d\d([.,]\d{1,9})?)?")
+HALF_A_DAY = pd.Timedelta(hours=12)
 LONGEST_GAP = 20
 """Longest gap that is bridged by interpolation, in sampling steps."""
 
@@ -47,7 +48,7 @@ def stamps_to_seconds(table: Table, column: str) -> Series:
         of_day = isinstance(first := texts.dropna().iloc[0], str) and TIME_OF_DAY.fullmatch(first)
         if of_day:
             texts = texts.map(lambda text: f"{text}:00" if str(text).count(":") == 1 else text)
-            found = pd.to_timedelta(texts, errors="coerce")
+            found = _over_midnight(pd.Series(pd.to_timedelta(texts, errors="coerce")))
         else:
             found = pd.to_datetime(texts, errors="coerce", utc=True, format=_format(first))
     else:
@@ -60,6 +61,12 @@ def stamps_to_seconds(table: Table, column: str) -> Series:
             f"2026-03-01T12:00:00.125; got {got}{count}; mend or cut out such rows"
         )
     return np.asarray((found - found.iloc[0]).dt.total_seconds(), dtype=float)
+
+
+def _over_midnight(of_day: pd.Series) -> pd.Series:
+    """Times of day as durations that go on where a new day begins."""
+    days = (of_day.diff() < -HALF_A_DAY).cumsum()
+    return of_day + days * pd.Timedelta(days=1)
 
 
 def _format(first: Any) -> str | None:

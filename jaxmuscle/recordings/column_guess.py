@@ -206,6 +206,8 @@ def _units_by_size(name: str, need: Need, values: Series) -> tuple[str | None, l
     sizes = {unit: size * scale(unit, need.unit) for unit in units}
     usual = [unit for unit in units if low <= sizes[unit] <= high]
     possible = [unit for unit in units if low / LESS_USUAL <= sizes[unit] <= high * LESS_USUAL]
+    if name == CLOCK.name and usual:
+        possible = usual  # Sampling steps are alike, other than the sizes of signals.
     likeliest = next(iter([*usual, *possible]), None)
     return likeliest, [unit for unit in possible if unit != likeliest]
 

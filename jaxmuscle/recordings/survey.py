@@ -65,6 +65,7 @@ class Survey:
         faults: a message for each file or check that refused.
         ranges: of every column, those of the card first.
         sampling: of the card's clock, if it was found.
+        gaps: quantity → samples on that clock at which a sensor with a clock of its own shows nothing.
     """
 
     card: Card | None
@@ -72,6 +73,7 @@ class Survey:
     faults: tuple[str, ...]
     ranges: tuple[ColumnRange, ...]
     sampling: Sampling | None
+    gaps: Mapping[str, int]
 
 
 def survey(card_file: Path, table_file: Path | None = None, *, resample: bool = False) -> Survey:
@@ -93,14 +95,14 @@ def survey(card_file: Path, table_file: Path | None = None, *, resample: bool = 
     except InputError as error:
         faults.append(str(error))
     specs = _specs(card, card_file)
-    sampling = None
+    sampling, gaps = None, {}
     if table is not None and card is None:
         faults += _absent(table, specs)
     if table is not None and card is not None:
-        sampling, found = _checked(table, card, resample)
+        sampling, gaps, found = _checked(table, card, resample)
         faults += found
     ranges = () if table is None else _ranges(table, specs)
-    return Survey(card, table, tuple(faults), ranges, sampling)
+    return Survey(card, table, tuple(faults), ranges, sampling, gaps)
 
 
 def table_beside(card_file: Path) -> Path:
@@ -130,13 +132,13 @@ def sampling_of(time: Series) -> Sampling | None:
     return Sampling(len(time), float(time[-1] - time[0]), step, irregular, float(steps.max()))
 
 
-def _checked(table: Table, card: Card, resample: bool) -> tuple[Sampling | None, list[str]]:
-    """The sampling, and the messages of all checks; without a clock that increases only the first ones."""
+def _checked(table: Table, card: Card, resample: bool) -> tuple[Sampling | None, dict[str, int], list[str]]:
+    """Sampling, gaps and the messages of all checks; without a clock that increases only the first ones."""
     faults: list[str] = []
     try:
         table, columns = si_columns(table, card)
     except InputError as error:
-        return None, [str(error)]
+        return None, {}, [str(error)]
     time = columns.pop("time")
     first, *rest = checks(table, card, time, columns, resample)
     for check in (first, *rest):
@@ -146,7 +148,8 @@ def _checked(table: Table, card: Card, resample: bool) -> tuple[Sampling | None,
             faults.append(str(error))
             if check is first:
                 break
-    return sampling_of(time), faults
+    missing = {name: int(np.isnan(values).sum()) for name, values in columns.items()}
+    return sampling_of(time), {name: count for name, count in missing.items() if count}, faults
 
 
 def _specs(card: Card | None, card_file: Path) -> dict[str, Mapping[str, Any]]:

@@ -15,6 +15,7 @@ import jaxmuscle as jm
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, read
 from jaxmuscle.recordings.readers import READERS, read_table, table_name
+from jaxmuscle.recordings.survey import survey
 from jaxmuscle.samples import sample
 
 FRAME = pd.read_csv(sample("lift"))
@@ -269,6 +270,8 @@ def test_a_gap_of_a_sensor_stays_one(tmp_path: Path) -> None:
         store["control/time"], store["sensor/time"] = FRAME["t_s"], FRAME["t_s"].to_numpy()[kept]
         store["sensor/p"] = FRAME["p_bar"].to_numpy()[kept]
     recording = read(file, card(COLUMNS))
+    (tmp_path / "lift.toml").write_text(card(COLUMNS).to_toml())
+    assert survey(tmp_path / "lift.toml").gaps == {"pressure": 100}
     gap = np.isnan(recording.columns["pressure"])
     np.testing.assert_array_equal(np.flatnonzero(gap), np.arange(1000, 1100))
     np.testing.assert_array_equal(recording.columns["pressure"][~gap], WHOLE.columns["pressure"][~gap])
