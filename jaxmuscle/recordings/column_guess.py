@@ -22,7 +22,7 @@ from jaxmuscle.units import CANDIDATES, STANDARD_ATMOSPHERE, Series, is_same_uni
 
 COMMANDED = frozenset(
     "cmd command commands commanded set setpoint setpt sp ref reference target desired des soll sollwert u "
-    "dac ao out output input control ctrl".split()
+    "dac ao out output input control ctrl pd pset pcmd pref pdes psoll".split()
 )
 """Words of what a computer commands."""
 WORDS: dict[str, frozenset[str]] = {
@@ -103,7 +103,8 @@ def signals_of(table: Table) -> list[Signal]:
 
 def guess_columns(table: Table, rig: Rig) -> dict[str, Guess]:
     """Quantity of the rig → the column that is most likely it; see :class:`Guess`."""
-    signals, needs = signals_of(table), schema.columns(rig)
+    needs = schema.columns(rig)
+    signals = _counted_from_one(signals_of(table), needs)
     scores = np.array([[_score(rig, name, need, s) for s in signals] for name, need in needs.items()])
     if not signals:
         return {name: Guess(None, None, None, ("no column of numbers",), False) for name in needs}
@@ -167,6 +168,17 @@ def _score_of_clock(signal: Signal) -> float:
     return 3.0 + likely + (2.0 if signal.stamps or said.unit is not None else 0.0)
 
 
+def _counted_from_one(signals: list[Signal], needs: Mapping[str, Need]) -> list[Signal]:
+    """Signals with numbers as the rig counts, where those of the table begin with 0."""
+    wanted = {number for name in needs if (number := _base(name)[1]) is not None}
+    given = {signal.name.number for signal in signals}
+    if not wanted or 0 not in given or max(wanted) in given:
+        return signals
+    numbers = [None if s.name.number is None else s.name.number + 1 for s in signals]
+    names = [dataclasses.replace(s.name, number=n) for s, n in zip(signals, numbers, strict=True)]
+    return [dataclasses.replace(s, name=name) for s, name in zip(signals, names, strict=True)]
+
+
 def _base(name: str) -> tuple[str, int | None]:
     """``pressure_2`` → pressure, 2."""
     found = re.fullmatch(r"(.*?)_?(\d+)", name)
@@ -183,6 +195,10 @@ def _guess(name: str, need: Need, signal: Signal, rivals: Sequence[str]) -> Gues
         said.append(
             "told by its unit and place only" if signal.name.unit else "the only column that increases"
         )
+        sure = False
+    number = _base(name)[1]
+    if number is not None and signal.name.number is None:
+        said.append(f"taken as number {number} by its place among the columns")
         sure = False
     unit = "s" if signal.stamps else signal.name.unit
     if unit is None:

@@ -24,6 +24,12 @@ SETTING = "NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] or NAME=COLUMN[:UNIT[:gauge
 NUMBER = re.compile(
     r"(?P<value>[+-]?[\d.]+(?:[eE][+-]?\d+)?)(?:\s*(?:\+-|±)\s*(?P<std>[\d.]+(?:[eE][+-]?\d+)?))?"
 )
+SIGNS = {
+    "lift": ("shortening is positive, from the full length on",),
+    "contraction": ("shortening is positive, from the full length on",),
+    "muscle force": ("a pull is positive",),
+}
+"""What a column is held to → what nobody can tell from its name."""
 WIDTH = 100
 """Column of the comments at most."""
 
@@ -104,7 +110,8 @@ class Draft:
         for name, guess in self.columns.items():
             entry = _column_entry(self.rig, name, guess)
             mark = FILL_IN if OPEN in entry.values() else "" if guess.sure else CHECK
-            said = "; ".join(guess.said)
+            check = None if name not in self.rig.columns else self.rig.column(name).check
+            said = "; ".join([*guess.said, *SIGNS.get(check or "", ())])
             lines.append((f"{name} = {entry_text(entry)}", f"{mark}: {said}" if mark else said))
         return lines
 

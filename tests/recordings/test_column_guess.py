@@ -15,9 +15,6 @@ from jaxmuscle.recordings.readers.frames import table_of_frame
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.samples import NAMES, sample
 
-PRACTICE = Path(__file__).parents[2] / "shared" / "recordings" / "practice"
-FILES = [*(sample(name) for name in NAMES), *sorted(PRACTICE.glob("*.csv"))]
-
 
 def frame(name: str) -> pd.DataFrame:
     return pd.read_csv(sample(name))
@@ -28,13 +25,24 @@ def guessed(data: pd.DataFrame, rig: str, units: dict[str, str] | None = None):
     return guess_columns(Table(table.file, table.columns, 0, units=units or {}), RIGS[rig])
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_as_the_card_has_it(file: Path) -> None:
+def assert_as_the_card_has_it(file: Path) -> None:
     card, table = Card.read(file.with_suffix(".toml")), read_table(file, file.read_bytes())
     guesses = guess_columns(table, RIGS[card.rig])
     found = {name: (guess.column, guess.unit, guess.reference) for name, guess in guesses.items()}
     assert found == {name: (spec.column, spec.unit, spec.reference) for name, spec in card.columns.items()}
     assert guess_rig(table, RIGS)[0] == card.rig
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_samples_as_their_cards_have_them(name: str) -> None:
+    assert_as_the_card_has_it(sample(name))
+
+
+def test_practice_recordings_as_their_cards_have_them(shared: Path) -> None:
+    files = sorted((shared / "recordings" / "practice").glob("*.csv"))
+    assert len(files) >= 17
+    for file in files:
+        assert_as_the_card_has_it(file)
 
 
 @pytest.mark.parametrize(
@@ -139,3 +147,27 @@ def test_time_stamps_are_the_clock() -> None:
     data = frame("lift").drop(columns="t_s").assign(Datum=stamps.map(lambda stamp: stamp.isoformat()))
     guess = guessed(data, "isotonic")["time"]
     assert (guess.column, guess.unit) == ("Datum", "s")
+
+
+NAMINGS = {
+    "counted from 0": "t|cmd/p0|cmd/p1|meas/p0|meas/p1|q",
+    "one letter": "t|pd1|pd2|p1|p2|theta",
+    "words": "Time (s)|desired 1 [bar]|desired 2 [bar]|pressure 1 [bar]|pressure 2 [bar]|angle (rad)",
+    "measured first": "t_s|p1_meas|p2_meas|p1_des|p2_des|q",
+}
+
+
+@pytest.mark.parametrize("naming", NAMINGS)
+def test_two_muscles_by_other_names(naming: str) -> None:
+    names = NAMINGS[naming].split("|")
+    found = {n: g.column for n, g in guessed(frame("swing").set_axis(names, axis=1), "joint").items()}
+    order = [0, 3, 4, 1, 2, 5] if naming == "measured first" else range(6)
+    assert list(found.values()) == [names[i] for i in order]
+
+
+def test_which_muscle_is_the_first_is_not_known_without_a_number() -> None:
+    names = ["t_s", "cmd_left_bar", "cmd_right_bar", "p_left_bar", "p_right_bar", "theta_deg"]
+    guesses = guessed(frame("swing").set_axis(names, axis=1), "joint")
+    assert [guess.column for guess in guesses.values()] == names
+    assert not any(guesses[name].sure for name in ("command_1", "command_2", "pressure_1", "pressure_2"))
+    assert "taken as number 2 by its place among the columns" in guesses["pressure_2"].said
