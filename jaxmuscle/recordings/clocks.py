@@ -36,23 +36,29 @@ def holds_stamps(entries: Any) -> bool:
     return bool(first) and (is_stamp(first[0].strip()) if isinstance(first[0], str) else _is_date(first[0]))
 
 
-def stamps_to_seconds(table: Table, column: str) -> Series:
+def stamps_to_seconds(table: Table, column: str, zero: str | None = None) -> Series:
     """Seconds since the first stamp of a column of dates, durations or ISO texts.
 
+    Args:
+        table, column: where they stand.
+        zero: column whose first stamp is taken instead.
+
     Raises:
-        InputError: the first row that is none.
+        InputError: the first row that is no stamp; stamps of another kind than those of `zero`.
     """
+    found = _stamps(table, column)
+    first = found.iloc[0] if zero is None else _stamps(table, zero).iloc[0]
+    if isinstance(first, pd.Timedelta) != pd.api.types.is_timedelta64_dtype(found.dtype):
+        raise InputError(
+            f"has dates where {zero!r} has times of day, or the other way round; write both alike"
+        )
+    return np.asarray((found - first).dt.total_seconds(), dtype=float)
+
+
+def _stamps(table: Table, column: str) -> pd.Series:
+    """A column as dates in UTC, or as durations."""
     series = pd.Series(table.columns[column]).reset_index(drop=True)
-    if not _is_dates(series.dtype):
-        texts = series.map(lambda entry: entry.strip().replace(",", ".") if isinstance(entry, str) else entry)
-        of_day = isinstance(first := texts.dropna().iloc[0], str) and TIME_OF_DAY.fullmatch(first)
-        if of_day:
-            texts = texts.map(lambda text: f"{text}:00" if str(text).count(":") == 1 else text)
-            found = _over_midnight(pd.Series(pd.to_timedelta(texts, errors="coerce")))
-        else:
-            found = pd.to_datetime(texts, errors="coerce", utc=True, format=_format(first))
-    else:
-        found = series
+    found = series if _is_dates(series.dtype) else _parsed(series)
     bad = np.flatnonzero(found.isna())
     if bad.size:
         got, count = repr(series.iloc[bad[0]]), "" if bad.size == 1 else f" ({bad.size} such rows)"
@@ -60,17 +66,26 @@ def stamps_to_seconds(table: Table, column: str) -> Series:
             f"row {table.row(bad[0])}: expected a time stamp as in the rows before, such as "
             f"2026-03-01T12:00:00.125; got {got}{count}; mend or cut out such rows"
         )
-    return np.asarray((found - found.iloc[0]).dt.total_seconds(), dtype=float)
+    if pd.api.types.is_timedelta64_dtype(found.dtype):
+        return found
+    return found.dt.tz_localize("UTC") if found.dt.tz is None else found.dt.tz_convert("UTC")
+
+
+def _parsed(series: pd.Series) -> pd.Series:
+    """Dates of their texts, or durations of times of day; NaT where there is none."""
+    texts = series.map(lambda entry: entry.strip().replace(",", ".") if isinstance(entry, str) else entry)
+    first = texts.dropna().iloc[0]
+    if isinstance(first, str) and TIME_OF_DAY.fullmatch(first):
+        whole = texts.map(lambda text: f"{text}:00" if str(text).count(":") == 1 else text)
+        return _over_midnight(pd.Series(pd.to_timedelta(whole, errors="coerce")))
+    form = "ISO8601" if isinstance(first, str) else None
+    return pd.Series(pd.to_datetime(texts, errors="coerce", utc=True, format=form))
 
 
 def _over_midnight(of_day: pd.Series) -> pd.Series:
     """Times of day as durations that go on where a new day begins."""
     days = (of_day.diff() < -HALF_A_DAY).cumsum()
     return of_day + days * pd.Timedelta(days=1)
-
-
-def _format(first: Any) -> str | None:
-    return "ISO8601" if isinstance(first, str) else None
 
 
 def _is_dates(dtype: Any) -> bool:

@@ -54,6 +54,8 @@ STEP = (2e-4, 0.05)
 """Usual sampling steps [s]."""
 VENTED = 0.97
 """Share of the atmosphere below which a pressure has to be gauge: nothing draws a muscle empty."""
+MOST = 0.5
+"""Share of entries that are numbers in a column of them."""
 NEEDED, CLEAR = 3.0, 1.0
 """Score that a column needs to be taken, and how far ahead of the next one it is clear."""
 
@@ -77,7 +79,7 @@ class Guess:
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """A column of a table that may be a signal."""
+    """A column of a table that may be a signal; `values` are those of its entries that are numbers."""
 
     column: str
     name: ColumnName
@@ -87,17 +89,19 @@ class Signal:
 
 
 def signals_of(table: Table) -> list[Signal]:
-    """The columns of numbers, and those of time stamps."""
+    """The columns of numbers, a few of which may be missing, and those of time stamps."""
     found = []
     for column in table.columns:
         name = column_name(column, table.units.get(column, ""))
         try:
             stamps = holds_stamps(table.entries(column))
-            values = stamps_to_seconds(table, column) if stamps else table.numbers(column)
+            values = stamps_to_seconds(table, column) if stamps else table.numbers_or_nan(column)
         except InputError:
             continue
+        there = values[np.isfinite(values)]
         increasing = len(values) > 1 and bool(np.all(np.diff(values) > 0))
-        found.append(Signal(column, name, values, stamps, increasing))
+        if len(there) > MOST * len(values):
+            found.append(Signal(column, name, there, stamps, increasing))
     return found
 
 

@@ -13,8 +13,9 @@ import numpy as np
 from jaxmuscle.errors import InputError, Problems, nearest
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
+from jaxmuscle.recordings.clocks import holds_stamps
 from jaxmuscle.recordings.column_guess import Guess, guess_columns
-from jaxmuscle.recordings.schema import OPEN, Need, Rig, read_column, read_quantity
+from jaxmuscle.recordings.schema import CLOCK, OPEN, Need, Rig, read_column, read_quantity
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
@@ -196,6 +197,9 @@ def _set_column(table: Table, name: str, need: Need, guess: Guess, body: str) ->
     column = next((c for c in (body, *_beginnings(body)) if c in table.columns), None)
     if column is None:
         raise InputError(f"column {body.split(':')[0]!r} is not in the table{nearest(body, table.columns)}")
+    stamps = name == CLOCK.name and holds_stamps(table.entries(column))
+    if not stamps and not np.isfinite(table.numbers_or_nan(column)).any():
+        raise InputError(f"column {column!r} holds no numbers")
     unit, reference = _split_unit(body[len(column) :].lstrip(":"))
     if unit is not None or guess.column != column:
         entry: Entry = {"column": column, "unit": unit or guess.unit or OPEN}
@@ -247,10 +251,10 @@ def _hints(table: Table, rig: Rig, guesses: Mapping[str, Guess]) -> dict[str, st
         guess = guesses[column.name]
         if guess.column and guess.unit:
             hints["full_command"] = (
-                f"the table goes to {np.abs(table.numbers(guess.column)).max():.4g} {guess.unit}"
+                f"the table goes to {np.nanmax(np.abs(table.numbers_or_nan(guess.column))):.4g} {guess.unit}"
             )
     pressures = [
-        to_si(float(table.numbers(guess.column).max()), guess.unit, "Pa")
+        to_si(float(np.nanmax(table.numbers_or_nan(guess.column))), guess.unit, "Pa")
         for name, guess in guesses.items()
         if columns[name].referenced and guess.column and guess.unit
     ]

@@ -80,7 +80,7 @@ def _on_one_clock(table: Table, card: Card, columns: dict[str, Series]) -> tuple
             found[name] = columns[name]
             continue
         with problems.at(f"column {card.columns[name].column!r} ({name})"):
-            times = _increasing(table, own)
+            times = _increasing(table, own, card.columns[CLOCK.name])
             found[name] = on_clock(time, times, columns[name], held=name in commands)
     problems.check()
     if len({len(values) for values in found.values()}) > 1:
@@ -96,10 +96,24 @@ def _on_one_clock(table: Table, card: Card, columns: dict[str, Series]) -> tuple
     return dataclasses.replace(table, first_row=table.first_row + int(first)), cut
 
 
-def _increasing(table: Table, clock: str) -> Series:
-    """A clock of a group [s]; `InputError` unless it increases."""
-    seconds = stamps_to_seconds(table, clock) if holds_stamps(table.entries(clock)) else table.numbers(clock)
+def _increasing(table: Table, own: str, clock: ColumnSpec) -> Series:
+    """The clock of a group [s], from the zero of the card's clock on.
+
+    Raises:
+        InputError: it does not increase, or it holds stamps where the card's clock holds numbers.
+    """
+    stamps = holds_stamps(table.entries(own))
+    if stamps != holds_stamps(table.entries(clock.column)):
+        kinds = ("time stamps", "numbers") if stamps else ("numbers", "time stamps")
+        raise InputError(
+            f"its clock {own!r} holds {kinds[0]} and {clock.column!r} {kinds[1]}; write both alike"
+        )
+    if stamps:
+        seconds = stamps_to_seconds(table, own, zero=clock.column)
+    else:
+        stated = unit_in(table.units.get(own, ""))
+        seconds = to_si(table.numbers(own), stated[0] if stated else clock.unit, CLOCK.unit)
     back = np.flatnonzero(np.diff(seconds) <= 0)
     if back.size:
-        raise InputError(f"its clock {clock!r} does not increase after sample {back[0] + 1}; mend or sort it")
+        raise InputError(f"its clock {own!r} does not increase after sample {back[0] + 1}; mend or sort it")
     return seconds

@@ -10,6 +10,7 @@ from jaxmuscle.actuators import RIGS
 from jaxmuscle.recordings import Card
 from jaxmuscle.recordings.column_guess import guess_columns, guess_rig
 from jaxmuscle.recordings.column_names import column_name
+from jaxmuscle.recordings.draft import draft_card
 from jaxmuscle.recordings.readers import read_table
 from jaxmuscle.recordings.readers.frames import table_of_frame
 from jaxmuscle.recordings.table import Table
@@ -171,3 +172,12 @@ def test_which_muscle_is_the_first_is_not_known_without_a_number() -> None:
     assert [guess.column for guess in guesses.values()] == names
     assert not any(guesses[name].sure for name in ("command_1", "command_2", "pressure_1", "pressure_2"))
     assert "taken as number 2 by its place among the columns" in guesses["pressure_2"].said
+
+
+def test_columns_with_missing_numbers_are_columns_all_the_same() -> None:
+    data = frame("lift")
+    data.loc[100:120, ["p_bar", "valve_V"]] = np.nan
+    found = {name: guess.column for name, guess in guessed(data, "isotonic").items()}
+    assert list(found.values()) == list(data.columns)
+    draft = draft_card(table_of_frame("DataFrame", data), RIGS["isotonic"])
+    assert draft.hints["full_command"] == "the table goes to 5 V"

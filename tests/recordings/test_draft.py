@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jaxmuscle.actuators import RIGS
@@ -11,6 +12,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, read, schema
 from jaxmuscle.recordings.draft import answered, draft_card
 from jaxmuscle.recordings.read import table_in_file
+from jaxmuscle.recordings.readers.frames import table_of_frame
 from jaxmuscle.recordings.schema import OPEN, written_quantity
 from jaxmuscle.recordings.survey import survey
 from jaxmuscle.recordings.typical import TYPICAL, default_in_card, typical
@@ -114,6 +116,12 @@ def test_settings_that_cannot_be(setting: str, told: str) -> None:
     with pytest.raises(InputError, match="--set: ") as caught:
         draft_of("lift", setting)
     assert told in str(caught.value)
+
+
+def test_a_column_of_texts_is_no_signal() -> None:
+    data = pd.read_csv(sample("lift")).assign(remark="fine")
+    with pytest.raises(InputError, match="column 'remark' holds no numbers"):
+        draft_card(table_of_frame("DataFrame", data), RIGS["isotonic"], ["position=remark:mm"])
 
 
 def test_all_wrong_settings_are_told() -> None:

@@ -15,7 +15,9 @@ import jaxmuscle as jm
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, read
 from jaxmuscle.recordings.readers import READERS, read_table, table_name
+from jaxmuscle.recordings.si_columns import si_columns
 from jaxmuscle.recordings.survey import survey
+from jaxmuscle.recordings.table import Table
 from jaxmuscle.samples import sample
 
 FRAME = pd.read_csv(sample("lift"))
@@ -403,3 +405,51 @@ def test_recording_takes_frames_and_datasets_in_si() -> None:
     for columns in (frame, xr.Dataset.from_dataframe(frame)):
         recording = jm.recording(actuator, columns, step=0.002)
         np.testing.assert_array_equal(recording.columns["pressure"], WHOLE.columns["pressure"])
+
+
+def own_clocks(clock: np.ndarray, other: np.ndarray, units: dict[str, str] | None = None) -> Table:
+    """Valve and position by one clock, the pressure by another one."""
+    columns = {"control/valve_V": FRAME["valve_V"], "control/x_mm": FRAME["x_mm"], "sensor/p": FRAME["p_bar"]}
+    clocks = {name: f"{name.partition('/')[0]}/time" for name in (*columns, "control/time", "sensor/time")}
+    columns = {**columns, "control/time": clock, "sensor/time": other}
+    return Table(Path("lift.h5"), columns, 1, units=units or {}, clocks=clocks)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scales", "units"),
+    [
+        ("ms", (1e3, 1e3), {}),
+        ("s", (1, 1e3), {"sensor/time": "ms"}),
+        ("ms", (1e3, 1), {"sensor/time": "s"}),
+    ],
+)
+def test_clocks_are_in_the_unit_of_the_card_or_in_their_own(unit: str, scales, units) -> None:
+    time = FRAME["t_s"].to_numpy()
+    in_unit = Card.from_toml(card(COLUMNS).to_toml().replace('unit = "s" }', f'unit = "{unit}" }}', 1))
+    _, columns = si_columns(own_clocks(scales[0] * time, scales[1] * (time + 0.5), units), in_unit)
+    assert columns["time"][[0, -1]] == pytest.approx([0.5, WHOLE.time[-1]])
+    np.testing.assert_allclose(columns["pressure"], WHOLE.columns["pressure"][:5750], rtol=1e-9)
+    np.testing.assert_array_equal(columns["position"], WHOLE.columns["position"][250:])
+
+
+@pytest.mark.parametrize("zone", [None, "UTC"])
+def test_stamps_of_several_clocks_have_one_zero(zone: str | None) -> None:
+    steps = pd.to_timedelta(np.round(FRAME["t_s"].to_numpy() * 1e3), unit="ms")
+    first = np.asarray(pd.Timestamp("2026-03-01T12:00:00") + steps)
+    second = (pd.Timestamp("2026-03-01T12:00:00.500", tz=zone) + steps).map(lambda stamp: stamp.isoformat())
+    _, columns = si_columns(own_clocks(first, np.asarray(second)), card(COLUMNS))
+    assert columns["time"][[0, -1]] == pytest.approx([0.5, WHOLE.time[-1]])
+    np.testing.assert_allclose(columns["pressure"], WHOLE.columns["pressure"][:5750], rtol=1e-6)
+
+
+def test_a_clock_of_stamps_and_one_of_numbers() -> None:
+    stamps = np.asarray(pd.Timestamp("2026-03-01") + pd.to_timedelta(FRAME["t_s"].to_numpy(), unit="s"))
+    with pytest.raises(InputError, match="'sensor/time' holds numbers and 'control/time' time stamps"):
+        si_columns(own_clocks(stamps, FRAME["t_s"].to_numpy()), card(COLUMNS))
+
+
+def test_a_clock_of_a_group_that_goes_back() -> None:
+    time = FRAME["t_s"].to_numpy()
+    back = np.where(np.arange(6000) == 3000, 1.0, time)
+    with pytest.raises(InputError, match=r"\(pressure\): its clock 'sensor/time' does not increase after"):
+        si_columns(own_clocks(time, back), card(COLUMNS))
