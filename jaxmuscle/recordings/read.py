@@ -80,7 +80,8 @@ def _card_beside(file: Path) -> Path:
         return existing_file(file.with_name(f"{table_name(file)}.toml"), "card", (".toml",))
     except InputError as error:
         raise InputError(
-            f"{file} has no card beside it: {error}; write one, or name it with card=, --card"
+            f"{file} has no card beside it: {error}; name it with card=, --card, or have one drafted: "
+            f"jaxmuscle init {file}"
         ) from error
 
 

@@ -19,7 +19,7 @@ from jaxmuscle.recordings.table import Table
 
 LINES_SEEN, BYTES_SEEN = 200, 2**22
 """Lines by which the dialect is told, and where they end at the latest."""
-COMMENT_BELOW = re.compile(rb"[\r\n][ \t]*(?:#|%|//)")
+COMMENT_BELOW = re.compile(rb"[\r\n][ \t]*(?:#|%(?=[\s%]|$)|//)")
 MOSTLY_LATIN = 0.5
 """Share of characters of a European text, by which UTF-16 is told from bytes that are no text."""
 

@@ -17,7 +17,8 @@ from jaxmuscle.units import unit_in
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blank"}
 """What may stand between columns, the likeliest first, and what messages call it."""
-COMMENT = re.compile(r"[ \t]*(#|%|//)")
+COMMENT = re.compile(r"[ \t]*(#|%(?=[\s%]|$)|//)")
+"""How a comment line begins; ``%RH`` is the name of a column."""
 POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 COMMA = re.compile(r"[+-]?(\d+(,\d+)?|,\d+)([eE][+-]?\d+)?")
 FRACTION = {".": re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?"), ",": re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")}
