@@ -39,6 +39,9 @@ def init(
         typer.Option(help="The card; the .toml of the same name beside the table when not given."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a card that is there.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the columns as they were understood (.png, .svg, .pdf).")
+    ] = None,
     listing: Annotated[
         bool,
         typer.Option("--list", help="Print the columns and quantities of the rig, or all rigs, and end."),
@@ -56,6 +59,7 @@ def init(
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
         from jaxmuscle.recordings.readers import table_name
+        from jaxmuscle.report.columns_figure import draw_columns
 
         if listing:
             _list_rig(rig_named(rig)) if rig else _list_rigs(RIGS)
@@ -63,13 +67,16 @@ def init(
         if recording is None:
             raise InputError("expected the table of a recording: jaxmuscle init bench.csv; or --list")
         card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
-        table, _ = table_in_file(recording)
         if card.exists() and not force:
             raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
+        _check_picture(picture)
+        table, _ = table_in_file(recording)
         kind = _rig_of(table, rig, RIGS)
         draft = draft_card(table, kind, settings or [])
         if sys.stdin.isatty():
             draft = _asked(draft)
+        if picture is not None:
+            draw_columns(table, draft.specs, picture)
         with atomic_write(card) as (file,):
             file.write_text(draft.to_toml(recording.name), encoding="utf-8")
     _print_draft(draft, card)
@@ -179,10 +186,21 @@ def _list_rig(rig: Rig) -> None:
     output().print(table)
 
 
+def _check_picture(picture: Path | None) -> None:
+    """Raise `InputError` for a picture that cannot be drawn, before anything is written."""
+    from jaxmuscle.report.columns_figure import PICTURES
+
+    if picture is not None and picture.suffix.lower() not in PICTURES:
+        raise InputError(f"--picture {picture}: expected a file that ends with {', '.join(PICTURES)}")
+
+
 def check(
     card: Annotated[Path, typer.Argument(help="Card of a recording (.toml).")],
     recording: Annotated[
         Path | None, typer.Option(help="Its table; that of the same name beside the card when not given.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the columns as they are understood (.png, .svg, .pdf).")
     ] = None,
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
@@ -196,9 +214,13 @@ def check(
     with faults(debug):
         import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
         from jaxmuscle.recordings.survey import survey
+        from jaxmuscle.report.columns_figure import draw_columns
 
+        _check_picture(picture)
         found = survey(card, recording, resample=resample)
         _print_survey(found)
+        if picture is not None and found.table is not None and found.card is not None:
+            draw_columns(found.table, found.card.columns, picture)
     for fault in found.faults:
         typer.echo(f"jaxmuscle: {fault}", err=True)
     if found.faults:

@@ -15,7 +15,7 @@ from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.clocks import holds_stamps
 from jaxmuscle.recordings.column_guess import Guess, guess_columns
-from jaxmuscle.recordings.schema import CLOCK, OPEN, Need, Rig, read_column, read_quantity
+from jaxmuscle.recordings.schema import CLOCK, OPEN, ColumnSpec, Need, Rig, read_column, read_quantity
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
@@ -58,6 +58,15 @@ class Draft:
         """The quantities whose entries are still to be filled in."""
         columns = {name: _column_entry(self.rig, name, guess) for name, guess in self.columns.items()}
         return [name for name, entry in {**columns, **self.entries}.items() if OPEN in entry.values()]
+
+    @property
+    def specs(self) -> dict[str, ColumnSpec]:
+        """The columns that were found, as a card has them."""
+        return {
+            name: ColumnSpec(guess.column, guess.unit or "", guess.reference)
+            for name, guess in self.columns.items()
+            if guess.column is not None
+        }
 
     @property
     def unsure(self) -> list[str]:

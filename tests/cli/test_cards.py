@@ -1,6 +1,5 @@
 """`jaxmuscle init` and `jaxmuscle check`, as a new user meets them."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,12 +80,8 @@ def test_a_card_is_never_replaced_unasked(run: Run) -> None:
 
 def test_questions_in_a_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """An answer that cannot be is asked again, an empty one leaves the quantity open."""
-
-    class Terminal:
-        def isatty(self) -> bool:
-            return True
-
-    monkeypatch.setattr("jaxmuscle.cli.cards.sys", type("sys", (), {"stdin": Terminal()}))
+    stdin = type("stdin", (), {"isatty": staticmethod(lambda: True)})
+    monkeypatch.setattr("jaxmuscle.cli.cards.sys", type("sys", (), {"stdin": stdin}))
     answers = ["1.17+-0.2:kg", "1.17+-0.2", "", "5", "7:bar:gauge", *[""] * 5]
     outcome = run("init", "bank.csv", input="\n".join(answers) + "\n")
     assert outcome.exit_code == 0, outcome.output
@@ -96,7 +91,16 @@ def test_questions_in_a_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> N
     assert 'valve_area = { value = 1.17, std = 0.2, unit = "mm^2" }' in text
     assert 'supply_pressure = { value = 7, unit = "bar", reference = "gauge" }' in text
     assert 'mass = { value = "?", unit = "kg" }' in text
-    assert sys.stdin is not None
+
+
+def test_an_end_in_the_middle_of_the_questions_writes_nothing(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stdin = type("stdin", (), {"isatty": staticmethod(lambda: True)})
+    monkeypatch.setattr("jaxmuscle.cli.cards.sys", type("sys", (), {"stdin": stdin}))
+    outcome = run("init", "bank.csv", input="1.17+-0.2\n")
+    assert outcome.exit_code == 130 and "interrupted" in outcome.stderr
+    assert not Path("bank.toml").exists()
 
 
 @pytest.mark.parametrize(
@@ -143,3 +147,21 @@ def test_every_rig_is_listed(run: Run) -> None:
     outcome = run("init", "--list")
     assert outcome.exit_code == 0
     assert {*RIGS} <= {line.split()[0] for line in outcome.stdout.splitlines() if line}
+
+
+def test_a_picture_of_what_was_understood(run: Run, tmp_path: Path) -> None:
+    assert run("init", "bank.csv", "--picture", "bank.svg").exit_code == 0
+    drawn = Path("bank.svg").read_text()
+    for words in ("pressure: Druck [bar] [bar gauge]", "position: Weg [mm] [mm]", "Zeit [s] [s]"):
+        assert f"<!-- {words} -->" in drawn
+    assert run("check", "bank.toml", "--picture", "other.png").exit_code == 2
+    assert not Path("other.png").exists()  # Nothing is drawn of a card that cannot be read.
+    outcome = run("init", "bank.csv", "--out", "new.toml", "--picture", "bank.txt")
+    assert outcome.exit_code == 2 and "expected a file that ends with .png" in outcome.stderr
+    assert not Path("new.toml").exists()
+
+
+def test_check_draws_too(run: Run, tmp_path: Path) -> None:
+    outcome = run("check", sample("swing").with_suffix(".toml"), "--picture", "swing.png")
+    assert outcome.exit_code == 0, outcome.stderr
+    assert Path("swing.png").read_bytes()[:4] == b"\x89PNG"
