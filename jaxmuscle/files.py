@@ -63,12 +63,13 @@ def existing_file(path: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
     """
     if path.is_file():
         return path
+    endings = " or ".join(suffixes) if len(suffixes) < 3 else f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
     if path.is_dir():
-        raise InputError(f"{path} is a folder; expected a {kind} ({' or '.join(suffixes)})")
+        raise InputError(f"{path} is a folder; expected a {kind} ({endings})")
     if not path.parent.is_dir():
         raise InputError(f"no {kind} {str(path)!r}: there is no folder {str(path.parent)!r}")
-    others = sorted(file.name for file in path.parent.iterdir() if file.suffix.lower() in suffixes)
-    hint = nearest(path.name, others[:20]) if others else f"; the folder holds no {' or '.join(suffixes)}"
+    others = sorted(file.name for file in path.parent.iterdir() if file.name.lower().endswith(suffixes))
+    hint = nearest(path.name, others[:20]) if others else f"; the folder holds no {endings}"
     raise InputError(f"no {kind} {path.name!r} in {str(path.parent.resolve())!r}{hint}")
 
 

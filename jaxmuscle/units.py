@@ -144,12 +144,36 @@ def _roots(unit: str) -> Any:
 
 def _gauge_hint(unit: str) -> str:
     """What to write in place of barg, bar(a), psig …; empty for anything else."""
+    found = _with_reference(unit)
+    return f'; write unit = "{found[0]}", reference = "{found[1]}"' if found else ""
+
+
+def _with_reference(unit: str) -> tuple[str, str] | None:
+    """barg, bar(a), psig … as a unit and a reference; `None` for anything else."""
     bare = unit.strip().rstrip(")").replace("(", "").replace("_", "").replace(" ", "").lower()
     for written in ("bar", "mbar", "psi", "kPa", "MPa"):
         for reference in ("gauge", "absolute"):
-            if bare == written.lower() + reference[0]:
-                return f'; write unit = "{written}", reference = "{reference}"'
-    return ""
+            if bare in (written.lower() + reference[0], written.lower() + reference[:3]):
+                return written, reference
+    return None
+
+
+SIGNS = str.maketrans({"µ": "u", "μ": "u", "Ω": "ohm", "²": "^2", "³": "^3", "·": " ", "−": "-"})
+
+
+def unit_in(text: str) -> tuple[str, str | None] | None:
+    """(unit as a card has it, gauge or absolute if it says so) of a unit as laboratories write it.
+
+    ``"°C"`` → degC, ``"µm"`` → um, ``"barg"`` → bar and gauge; `None` for what is no unit of a kind in
+    :data:`KINDS`, a plain number among it.
+    """
+    bare = text.strip().strip("[]").strip().translate(SIGNS)
+    bare = bare.replace("°C", "degC").replace("°F", "degF").replace("°", "deg")
+    if (found := _with_reference(bare)) is not None:
+        return found
+    measured = _roots(bare) if any(character.isalpha() for character in bare) else None
+    kinds = (_roots(si) for si in KINDS if si)
+    return (bare, None) if measured is not None and any(measured == kind for kind in kinds) else None
 
 
 def _plain(magnitude: Any) -> Any:

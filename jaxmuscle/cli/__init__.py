@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import jaxmuscle
+from jaxmuscle.cli.cards import check, init
 from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
 from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
 
@@ -18,9 +19,11 @@ __all__ = [
     "INTERRUPTED",
     "WIDE",
     "app",
+    "check",
     "diagnose",
     "effects",
     "fit",
+    "init",
     "main",
     "options",
     "sweep",
@@ -68,6 +71,8 @@ def options(
 
 # In the order in which the help lists them.
 app.command()(diagnose)
+app.command()(init)
+app.command()(check)
 app.command()(fit)
 app.command()(effects)
 app.command()(sweep)

@@ -32,7 +32,7 @@ def faults(debug: bool) -> Iterator[None]:
             traceback.print_exc()
         typer.echo(f"jaxmuscle: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from error
-    except KeyboardInterrupt as error:
+    except (KeyboardInterrupt, typer.Abort) as error:
         typer.echo("jaxmuscle: interrupted", err=True)
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:

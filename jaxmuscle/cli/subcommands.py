@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 def diagnose(
     recording: Annotated[
         Path | None,
-        typer.Argument(help="Table of a recording (.csv, .mat); the sample 'lift' when not given."),
+        typer.Argument(
+            help="Table of a recording (.csv, .xlsx, .tdms, …); the sample 'lift' when not given."
+        ),
     ] = None,
     card: Annotated[
         Path | None, typer.Option(help="Card of the recording; the .toml of the same stem when not given.")
@@ -59,12 +61,13 @@ def diagnose(
         configure(compile_cache=True)
         from jaxmuscle.diagnosis import diagnose as run
         from jaxmuscle.recordings import read
+        from jaxmuscle.recordings.readers import table_name
         from jaxmuscle.recordings.spans import fraction, rows_within
         from jaxmuscle.report.report_files import writable_folder, write
         from jaxmuscle.samples import sample
 
         file = sample("lift") if recording is None else recording
-        folder = Path(f"jaxmuscle-{file.stem}") if out is None else out
+        folder = Path(f"jaxmuscle-{table_name(file)}") if out is None else out
         # Better now than after a minute of work.
         writable_folder(folder)
         tell(f"reading {file.name}" + (", the sample that comes with jaxmuscle" if recording is None else ""))
@@ -94,7 +97,9 @@ def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
 
 
 def fit(
-    recordings: Annotated[list[Path], typer.Argument(help="Tables of recordings (.csv, .mat) of one rig.")],
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Tables of recordings (.csv, .xlsx, .tdms, …) of one rig.")
+    ],
     card: Annotated[
         list[Path] | None,
         typer.Option(help="Card of a recording, in their order; the .toml of the same stem when not given."),
@@ -136,9 +141,10 @@ def fit(
         configure(compile_cache=True)
         from jaxmuscle.estimation import fit as run
         from jaxmuscle.recordings import actuator_from_card, read
+        from jaxmuscle.recordings.readers import table_name
         from jaxmuscle.report.report_files import writable_folder, write_fit
 
-        folder = Path(f"jaxmuscle-{recordings[0].stem}-fit") if out is None else out
+        folder = Path(f"jaxmuscle-{table_name(recordings[0])}-fit") if out is None else out
         writable_folder(folder)
         cards = card or []
         if cards and len(cards) != len(recordings):

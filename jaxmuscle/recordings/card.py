@@ -44,7 +44,7 @@ def toml_text(heads: Mapping[str, str], sections: Sections) -> str:
     lines = [f"{key} = {_written(text)}" for key, text in heads.items()]
     for name, entries in sections.items():
         lines += ["", f"[{name}]"]
-        lines += [f"{key} = {_inline(entry)}" for key, entry in entries.items()]
+        lines += [f"{key} = {entry_text(entry)}" for key, entry in entries.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -92,7 +92,7 @@ def _left(document: Any, key: str, before: Sections, now: Sections) -> Any:
 
 def _write(section: Any, key: str, entry: Entry, left: Any) -> None:
     if key not in section:
-        section[key] = tomlkit.value(_inline(entry)) if left is None else left
+        section[key] = tomlkit.value(entry_text(entry)) if left is None else left
     item = section[key]
     for each in [each for each in item if each not in entry]:
         item.remove(each)
@@ -115,7 +115,8 @@ def _section(document: Any, name: str) -> Any:
     return node[last]
 
 
-def _inline(entry: Entry) -> str:
+def entry_text(entry: Entry) -> str:
+    """One entry as TOML: an inline table of texts and numbers."""
     return "{ " + ", ".join(f"{key} = {_written(value)}" for key, value in entry.items()) + " }"
 
 

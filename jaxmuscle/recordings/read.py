@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.errors import InputError, Problems
+from jaxmuscle.errors import InputError
 from jaxmuscle.files import existing_file, file_content
-from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.clocks import resampled
 from jaxmuscle.recordings.plausibility import check_machine
+from jaxmuscle.recordings.readers import SUFFIXES, check_ending, read_table, table_name
+from jaxmuscle.recordings.readers.frames import table_in_memory
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.recordings.table import SUFFIXES, Table, read_table, resampled
+from jaxmuscle.recordings.si_columns import si_columns
+from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.table_checks import (
     check_clock,
     check_horizon,
@@ -22,69 +28,95 @@ from jaxmuscle.recordings.table_checks import (
     check_signals,
     is_regular,
 )
-from jaxmuscle.units import Series, to_si
+from jaxmuscle.units import Series
 
 
-def read(path: str | Path, card: Card | str | Path | None = None, *, resample: bool = False) -> Recording:
+def read(
+    path: str | Path | pd.DataFrame | xr.Dataset,
+    card: Card | str | Path | None = None,
+    *,
+    resample: bool = False,
+) -> Recording:
     """The recording in a table and its card, in SI and checked. Writes nothing.
 
     Args:
-        path: a table, ``.csv`` or ``.mat``; :func:`jaxmuscle.recordings.table.read_table` says how
-            they are laid out.
+        path: a table: ``.csv`` and other delimited texts, ``.mat``, ``.npz``, ``.npy``; ``.parquet``,
+            ``.xlsx``, ``.h5``, ``.tdms``, ``.mf4``, ``.mcap``, ``.db3`` and ``.bag`` where their libraries
+            are installed (``jaxmuscle[files]``). :mod:`jaxmuscle.recordings.readers` has a module for each
+            that says how they are laid out. Or a pandas DataFrame or an xarray Dataset in the units that the
+            card names.
         card: the card or its file; the ``.toml`` of the same stem when not given.
         resample: bring an irregular clock to a uniform one with the median step; see
-            :func:`jaxmuscle.recordings.table.resampled`. A regular clock is left as it is.
+            :func:`jaxmuscle.recordings.clocks.resampled`. A regular clock is left as it is.
+
+    Signals of groups or topics with clocks of their own are brought to the one that the card names:
+    :func:`jaxmuscle.recordings.clocks.on_clock`. What is measured is then NaN in gaps, where it counts for
+    nothing.
 
     Raises:
         InputError: table or card are not what they should be; the message says where and what to do.
     """
-    file = Path(path)
-    if file.suffix.lower() not in SUFFIXES:
-        got = f"got {file.suffix!r}" if file.suffix else "got none"
-        raise InputError(f"{file}: expected a table with the ending {' or '.join(SUFFIXES)}; {got}")
+    if not isinstance(path, str | Path):
+        table = table_in_memory(path)
+        if card is None:
+            raise InputError(f"{table.file}: expected its card as card=, since no file lies beside it")
+        return _recording(table, card if isinstance(card, Card) else Card.read(card), None, resample)
+    table, sha256 = table_in_file(Path(path))
+    if not isinstance(card, Card):
+        card = Card.read(_card_beside(Path(path)) if card is None else card)
+    return _recording(table, card, sha256, resample)
+
+
+def table_in_file(file: Path) -> tuple[Table, str]:
+    """The table in a file, and the checksum of the file; errors as of :func:`read`."""
+    check_ending(file)
     existing_file(file, "recording", SUFFIXES)
     content = file_content(file)
-    table = read_table(file, content)
-    if not isinstance(card, Card):
-        card = Card.read(_card_beside(file) if card is None else card)
-    return _recording(table, card, hashlib.sha256(content).hexdigest(), resample)
+    return read_table(file, content), hashlib.sha256(content).hexdigest()
 
 
 def _card_beside(file: Path) -> Path:
     try:
-        return existing_file(file.with_suffix(".toml"), "card", (".toml",))
+        return existing_file(file.with_name(f"{table_name(file)}.toml"), "card", (".toml",))
     except InputError as error:
         raise InputError(
-            f"{file} has no card beside it: {error}; write one, or name it with card=, --card"
+            f"{file} has no card beside it: {error}; name it with card=, --card, or have one drafted: "
+            f"jaxmuscle init {file}"
         ) from error
 
 
-def _recording(table: Table, card: Card, sha256: str, resample: bool) -> Recording:
-    columns = _si_columns(table, card)
+def _recording(table: Table, card: Card, sha256: str | None, resample: bool) -> Recording:
+    table, columns = si_columns(table, card)
     time = columns.pop("time")
-    check_clock(table, card, time)
-    check_regular(table, card, time, resample=resample)
-    check_signals(table, card, columns)
-    typical = float(np.median(np.diff(time)))
-    check_machine(table.file, RIGS[card.rig], card, columns, typical, lambda index: f"row {table.row(index)}")
-    check_horizon(table, card, time)
+    for check in checks(table, card, time, columns, resample):
+        check()
     if not is_regular(time):
         time, columns = resampled(time, columns, held=RIGS[card.rig].commands)
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    return Recording(table.file.stem, table.file, sha256, card, time, step, columns)
+    file = table.file if isinstance(table.file, Path) else None
+    name = str(table.file) if file is None else table_name(file)
+    return Recording(name, file, sha256, card, time, step, columns)
 
 
-def _si_columns(table: Table, card: Card) -> dict[str, Series]:
-    needs = schema.columns(RIGS[card.rig])
-    problems = Problems(table.file)
-    columns: dict[str, Series] = {}
-    for name, spec in card.columns.items():
-        with problems.at(f"column {spec.column!r} ({name})"):
-            shift = card.ambient_pressure if spec.reference == "gauge" else 0.0
-            values = to_si(table.numbers(spec.column), spec.unit, needs[name].unit, needs[name].difference)
-            columns[name] = values + shift
-    problems.check()
-    lengths = {name: len(values) for name, values in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise InputError(f"{table.file}: expected columns of one length; got {lengths}")
-    return columns
+def checks(
+    table: Table, card: Card, time: Series, columns: Mapping[str, Series], resample: bool
+) -> list[Callable[[], None]]:
+    """What a table has to pass beside its card, each raising `InputError`; the first before all others.
+
+    Args:
+        table: for file and rows.
+        card: how it was made.
+        time: the clock [s].
+        columns: quantity → samples in SI, pressures absolute.
+        resample: whether an irregular clock may be made uniform.
+    """
+    rig = RIGS[card.rig]
+    return [
+        lambda: check_clock(table, card, time),
+        lambda: check_regular(table, card, time, resample=resample),
+        lambda: check_signals(table, card, columns),
+        lambda: check_machine(
+            table.file, rig, card, columns, float(np.median(np.diff(time))), lambda i: f"row {table.row(i)}"
+        ),
+        lambda: check_horizon(table, card, time),
+    ]

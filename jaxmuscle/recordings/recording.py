@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from jaxtyping import ArrayLike
 
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -86,7 +88,7 @@ def joined(recordings: Sequence[Recording], name: str) -> Recording:
 
 def recording(
     actuator: AbstractActuator,
-    columns: Mapping[str, ArrayLike],
+    columns: Mapping[str, ArrayLike] | pd.DataFrame | xr.Dataset,
     step: float,
     *,
     noise: Mapping[str, float] | None = None,
@@ -101,7 +103,9 @@ def recording(
 
     Args:
         actuator: the machine; its class says which columns there have to be.
-        columns: command(s) and measured quantities → samples, all of one length; readings may be NaN.
+        columns: command(s) and measured quantities → samples, all of one length; readings may be NaN. A
+            DataFrame or Dataset of such columns too; one in other units goes with a card to
+            :func:`jaxmuscle.read`.
         step: sampling step [s].
         noise: column → standard deviation of its sensor (SI); found in the data where not given.
         horizon: length of the windows of prediction [s]; whole runs when `None`.
@@ -117,7 +121,7 @@ def recording(
     for where, given in (("columns", columns), ("noise", noise or {})):
         for key in given:
             if key not in needs:
-                raise InputError(f"{where}: unknown column {key!r}{nearest(key, needs)}")
+                raise InputError(f"{where}: unknown column {key!r}{nearest(str(key), needs)}")
     if missing := [key for key in needs if key not in columns]:
         raise InputError(f"columns: {', '.join(missing)} missing; rig {rig.rig!r} has {', '.join(needs)}")
     arrays = {key: np.asarray(columns[key], dtype=float) for key in needs}

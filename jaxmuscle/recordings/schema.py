@@ -52,6 +52,12 @@ def quantities(rig: Rig) -> dict[str, Need]:
     return needs
 
 
+def default(rig: Rig, name: str) -> float | None:
+    """The value (SI) of a quantity that a card leaves out; `None` of one that it has to give."""
+    found = declared_at(rig, rig.quantities[name]).default
+    return None if found is dataclasses.MISSING else float(found)
+
+
 def effect_parameters(effect: type[AbstractEffect], rig: Rig) -> dict[str, Need]:
     """The parameters of an effect on a rig; pressures among them are differences."""
     return {field.name: _need(field, rig) for field in dataclasses.fields(effect) if "unit" in field.metadata}
@@ -111,6 +117,8 @@ def _need(field: dataclasses.Field[Any], rig: Rig) -> Need:
 
 
 REFERENCES = ("gauge", "absolute")
+OPEN = "?"
+"""What stands in a drafted card in place of what nobody has said yet."""
 HUGE = 1e300
 """No number of a card can be meant beyond this."""
 
@@ -205,6 +213,10 @@ def _inline_table(entry: object, keys: tuple[str, ...], wanted: str) -> Mapping[
     for key in entry:
         if key not in keys:
             raise InputError(f"unknown key {key!r}{nearest(key, keys)}")
+    if left := [key for key in entry if entry[key] == OPEN]:
+        raise InputError(
+            f"still to be filled in: {' and '.join(left)}; write what you know in place of {OPEN!r}"
+        )
     return entry
 
 

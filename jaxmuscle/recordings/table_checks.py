@@ -14,6 +14,7 @@ from jaxmuscle.errors import InputError, Problems
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card_sections import SUPPLY
+from jaxmuscle.recordings.clocks import LONGEST_GAP
 from jaxmuscle.recordings.schema import Quantity
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.units import Series, from_si, meant
@@ -27,9 +28,6 @@ OVER_SUPPLY = 1.05
 """Ratio of a measured pressure to the supply's beyond all errors of sensors (absolute)."""
 UNDER_AMBIENT = 0.5
 """Ratio of a measured pressure to the ambient one below which no muscle that vents to ambient goes."""
-
-LONGEST_GAP = 20
-"""Longest gap that resampling bridges, in steps."""
 
 
 def check_clock(table: Table, card: Card, time: Series) -> None:

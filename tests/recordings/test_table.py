@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import read
-from jaxmuscle.recordings.table import resampled
+from jaxmuscle.recordings.clocks import resampled
 
 
 def test_missing_table(lift) -> None:
@@ -19,13 +19,13 @@ def test_missing_table(lift) -> None:
 
 
 def test_missing_table_in_an_empty_folder(tmp_path) -> None:
-    with pytest.raises(InputError, match=r"no recording 'lift.csv'.*holds no \.csv or \.mat"):
+    with pytest.raises(InputError, match=r"no recording 'lift.csv'.*holds no \.csv, .*\.mat"):
         read(tmp_path / "lift.csv")
 
 
-@pytest.mark.parametrize("name", ["lift.toml", "lift", "lift.xlsx"])
+@pytest.mark.parametrize("name", ["lift.toml", "lift", "lift.doc"])
 def test_another_kind_of_file(lift, name: str) -> None:
-    with pytest.raises(InputError, match=r"expected a table with the ending \.csv or \.mat; got"):
+    with pytest.raises(InputError, match=r"expected a table with the ending \.csv, .*\.mat, .*; got"):
         read(lift.table.with_name(name))
 
 
@@ -64,62 +64,11 @@ def test_all_bad_columns_are_told(lift) -> None:
     assert "'p_bar'" in complaint and "'x_mm'" in complaint
 
 
-def test_a_line_of_units_below_the_header(lift) -> None:
-    lines = lift.table.read_text().splitlines()
-    lift.table.write_text("\n".join([lines[0], "s,V,bar,mm", *lines[1:]]))
-    complaint = lift.complaint()
-    for word in ["row 2", "line of units", "remove it"]:
-        assert word in complaint
-
-
-@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs")])
-def test_another_separator(lift, separator: str, word: str) -> None:
-    lift.table.write_text(lift.table.read_text().replace(",", separator))
-    complaint = lift.complaint()
-    assert word in complaint and "commas" in complaint
-
-
 def spread(lift, header: str, separator: str, comma: str = ".") -> None:
     """The table with another header and separator, and `comma` in its numbers."""
     rows = [line.split(",") for line in lift.table.read_text().splitlines()[1:]]
     lines = [separator.join(field.replace(".", comma) for field in row) for row in rows]
     lift.table.write_text("\n".join([header, *lines]) + "\n")
-
-
-HEADERS = {
-    "plain": "t_s{0}valve_V{0}p_bar{0}x_mm",
-    "commas": "time, s{0}valve, V{0}pressure, bar{0}position, mm",
-    "one comma": "t_s{0}valve_V{0}p_bar{0}position, mm",
-    "quoted": '"time, s"{0}"valve; V"{0}"p\tbar"{0}"x_mm"',
-}
-
-
-@pytest.mark.parametrize("comma", [".", ","])
-@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs")])
-@pytest.mark.parametrize("header", HEADERS)
-def test_another_separator_under_any_header(lift, header: str, separator: str, word: str, comma: str) -> None:
-    spread(lift, HEADERS[header].format(separator), separator, comma)
-    complaint = lift.complaint()
-    for expected in ["lift.csv", f"separated by {word}", "expected commas, with points"]:
-        assert expected in complaint
-
-
-def test_names_in_quotes_hold_any_separator(lift) -> None:
-    """Also after a blank, and where all names hold the same other separator."""
-    whole = read(lift.table).columns["position"]
-    card = lift.card.read_text(encoding="utf-8")
-    for names in (["t;s", "valve;V", "p;bar", "x;mm"], ["t,s", "valve, V", "p,bar", "x;mm"]):
-        lift.line(1, ", ".join(f'"{name}"' for name in names))
-        named = card
-        for old, new in zip(["t_s", "valve_V", "p_bar", "x_mm"], names, strict=True):
-            named = named.replace(f'"{old}"', f'"{new}"')
-        lift.card.write_text(named, encoding="utf-8")
-        np.testing.assert_array_equal(read(lift.table).columns["position"], whole)
-
-
-def test_a_column_of_remarks_with_semicolons_is_no_separator(lift) -> None:
-    lift.change(lambda table: table.assign(**{"remark; or none": "slow; steady"}))
-    assert len(read(lift.table)) == 6000
 
 
 def test_numbers_with_commas_between_commas(lift) -> None:
@@ -128,14 +77,6 @@ def test_numbers_with_commas_between_commas(lift) -> None:
     assert (
         "more fields than row 1 holds names (4)" in complaint and "write points in the numbers" in complaint
     )
-
-
-def test_numbers_with_commas_in_quotes(lift) -> None:
-    table = pd.read_csv(lift.table).astype(str).map(lambda text: text.replace(".", ","))
-    table.to_csv(lift.table, index=False)
-    complaint = lift.complaint()
-    assert "'0,002'" in complaint or "'0,0'" in complaint
-    assert "write numbers with points, not commas" in complaint
 
 
 def test_a_row_with_too_many_fields(lift) -> None:
@@ -202,13 +143,6 @@ def test_mat_of_another_kind(lift) -> None:
     file = lift.table.with_suffix(".mat")
     file.write_bytes(b"no matrices here" * 40)
     with pytest.raises(InputError, match="lift.mat: cannot be read as a MATLAB file"):
-        read(file)
-
-
-def test_mat_of_version_7_3(lift) -> None:
-    file = lift.table.with_suffix(".mat")
-    file.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400))
-    with pytest.raises(InputError, match="version 7.3; save it with the option '-v7'"):
         read(file)
 
 

@@ -1,0 +1,288 @@
+"""Commands `init` and `check`: a card drafted from a table, and everything that is wrong with a card."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from jaxmuscle.cli.console import BAD_INPUT, faults, output
+from jaxmuscle.errors import InputError
+
+if TYPE_CHECKING:
+    from jaxmuscle.recordings.draft import Draft
+    from jaxmuscle.recordings.schema import Rig
+    from jaxmuscle.recordings.survey import Survey
+
+
+def init(
+    recording: Annotated[
+        Path | None, typer.Argument(help="Table of a recording (.csv, .xlsx, .tdms, …).")
+    ] = None,
+    rig: Annotated[
+        str | None, typer.Option(help="What kind of machine it is; told by the columns when not given.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="What you know: NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] for a quantity, "
+            "NAME=COLUMN[:UNIT[:gauge|absolute]] for a column. May be given several times.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The card; the .toml of the same name beside the table when not given."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a card that is there.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the columns as they were understood (.png, .svg, .pdf).")
+    ] = None,
+    listing: Annotated[
+        bool,
+        typer.Option("--list", help="Print the columns and quantities of the rig, or all rigs, and end."),
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Draft the card of a recording.
+
+    Guesses columns, units and gauge or absolute from names and magnitudes; marks what is unsure and what only
+    you know.
+    """
+    with faults(debug):
+        from jaxmuscle.actuators import RIGS, rig_named
+        from jaxmuscle.files import atomic_write
+        from jaxmuscle.recordings.draft import draft_card
+        from jaxmuscle.recordings.read import table_in_file
+        from jaxmuscle.recordings.readers import table_name
+        from jaxmuscle.report.columns_figure import draw_columns
+
+        if listing:
+            _list_rig(rig_named(rig)) if rig else _list_rigs(RIGS)
+            return
+        if recording is None:
+            raise InputError("expected the table of a recording: jaxmuscle init bench.csv; or --list")
+        card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
+        if card.exists() and not force:
+            raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
+        _check_picture(picture)
+        table, _ = table_in_file(recording)
+        kind = _rig_of(table, rig, RIGS)
+        draft = draft_card(table, kind, settings or [])
+        if sys.stdin.isatty():
+            draft = _asked(draft)
+        if picture is not None:
+            draw_columns(table, draft.specs, picture)
+        with atomic_write(card) as (file,):
+            file.write_text(draft.to_toml(recording.name), encoding="utf-8")
+    _print_draft(draft, card)
+
+
+def _rig_of(table: Any, name: str | None, rigs: dict[str, Any]) -> Rig:
+    from jaxmuscle.actuators import rig_named
+    from jaxmuscle.recordings.column_guess import guess_rig
+
+    if name is not None:
+        return rig_named(name)
+    fitting = guess_rig(table, rigs)
+    if len(fitting) == 1:
+        typer.echo(f"By its columns the rig is {fitting[0]!r}; if it is not, name it with --rig.", err=True)
+        return rigs[fitting[0]]
+    if fitting and sys.stdin.isatty():
+        return rig_named(
+            typer.prompt(f"Which rig is it, {' or '.join(fitting)}?", default=fitting[0], err=True)
+        )
+    found = (
+        f"the columns are enough for {' and for '.join(fitting)}" if fitting else "no rig has such columns"
+    )
+    raise InputError(
+        f"{table.file}: which machine is it? {found}. Say --rig NAME, of {', '.join(rigs)}; "
+        f"jaxmuscle init --list says what these are. Its columns are {', '.join(table.columns)}"
+    )
+
+
+def _asked(draft: Draft) -> Draft:
+    """The draft with what the user answers; an empty answer leaves a quantity open."""
+    from jaxmuscle.recordings import schema
+    from jaxmuscle.recordings.draft import answered
+    from jaxmuscle.recordings.typical import card_unit, meaning_in_card, typical
+
+    needs = schema.quantities(draft.rig)
+    names = [name for name in draft.open if name in draft.entries]
+    if names:
+        typer.echo(
+            "What do you know of it? VALUE[+-STD][:UNIT[:gauge|absolute]]; Enter leaves it open.", err=True
+        )
+    for name in names:
+        need, usual = needs[name], typical(name, needs[name])
+        such = f", such as {usual}{' gauge' if need.referenced else ''}" if usual else ""
+        question = f"{meaning_in_card(need)}, {name} [{card_unit(name, need) or 'a number'}]{such}"
+        while answer := typer.prompt(question, default="", show_default=False, err=True).strip():
+            try:
+                draft = answered(draft, name, answer)
+                break
+            except InputError as error:
+                typer.echo(f"  {error}", err=True)
+    return draft
+
+
+def _print_draft(draft: Draft, card: Path) -> None:
+    table = Table("quantity", "column", "unit", "", "guessed from", box=None, pad_edge=False)
+    for name, guess in draft.columns.items():
+        said = "; ".join(guess.said) or "its name"
+        mark = "FILL IN: " if name in draft.open else "" if guess.sure else "CHECK: "
+        table.add_row(
+            name,
+            guess.column or "?",
+            guess.unit if guess.unit is not None else "?",
+            guess.reference or "",
+            mark + said,
+        )
+    output().print(table)
+    open_ones = draft.open
+    if draft.unsure:
+        typer.echo(f"\nTo be checked in the card: {', '.join(draft.unsure)}.")
+    if open_ones:
+        typer.echo(f'\nTo be filled in, marked "?" in the card: {", ".join(open_ones)}.')
+    typer.echo(f"\n{card}\n{'Then' if open_ones else 'Next'}: jaxmuscle check {card}")
+
+
+def _list_rigs(rigs: dict[str, Any]) -> None:
+    from jaxmuscle.recordings import schema
+    from jaxmuscle.recordings.typical import rig_in_words
+
+    table = Table("rig", "what it is", "columns", box=None, pad_edge=False)
+    for name, rig in rigs.items():
+        table.add_row(name, rig_in_words(rig), ", ".join(schema.columns(rig)))
+    output().print(table)
+    typer.echo("\nThe quantities of one: jaxmuscle init --rig NAME --list")
+
+
+def _list_rig(rig: Rig) -> None:
+    from jaxmuscle.recordings import schema
+    from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, typical
+    from jaxmuscle.units import example_unit
+
+    typer.echo("Columns of its table:\n")
+    table = Table("column", "unit", box=None, pad_edge=False)
+    for name, need in schema.columns(rig).items():
+        kind = ", gauge or absolute" if need.referenced else ""
+        table.add_row(name, f"such as {example_unit(need.unit) or 'a number'}{kind}")
+    output().print(table)
+    typer.echo("\nQuantities of its card:\n")
+    table = Table("quantity", "unit", "typical", "of", "meaning", box=None, pad_edge=False)
+    for name, need in schema.quantities(rig).items():
+        usual, taken = typical(name, need), default_in_card(rig, name)
+        value, source = ("—", "") if usual is None else (usual.number, usual.source)
+        reference = " gauge"
+        if taken is not None:
+            value, source, reference = f"{taken[0]:g}", "taken when not given", " absolute"
+        unit = card_unit(name, need) + (reference if need.referenced else "")
+        table.add_row(name, unit, value, source, meaning_in_card(need))
+    output().print(table)
+
+
+def _check_picture(picture: Path | None) -> None:
+    """Raise `InputError` for a picture that cannot be drawn, before anything is written."""
+    from jaxmuscle.report.columns_figure import PICTURES
+
+    if picture is not None and picture.suffix.lower() not in PICTURES:
+        raise InputError(f"--picture {picture}: expected a file that ends with {', '.join(PICTURES)}")
+
+
+def check(
+    card: Annotated[Path, typer.Argument(help="Card of a recording (.toml).")],
+    recording: Annotated[
+        Path | None, typer.Option(help="Its table; that of the same name beside the card when not given.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the columns as they are understood (.png, .svg, .pdf).")
+    ] = None,
+    resample: Annotated[
+        bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Say everything that is wrong with a card and its table, and how they were understood.
+
+    Exit status 0 when nothing is wrong, else 2.
+    """
+    with faults(debug):
+        import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+        from jaxmuscle.recordings.survey import survey
+        from jaxmuscle.report.columns_figure import draw_columns
+
+        _check_picture(picture)
+        found = survey(card, recording, resample=resample)
+        _print_survey(found)
+        if picture is not None and found.table is not None and found.card is not None:
+            draw_columns(found.table, found.card.columns, picture)
+    for fault in found.faults:
+        typer.echo(f"jaxmuscle: {fault}", err=True)
+    if found.faults:
+        raise typer.Exit(BAD_INPUT)
+    table = found.table
+    typer.echo(f"\nNothing is wrong. Next: jaxmuscle diagnose {table.file if table else ''} --card {card}")
+
+
+def _print_survey(found: Survey) -> None:
+    console = output()
+    if found.ranges and found.table is not None:
+        typer.echo(f"{found.table.file}:\n")
+        table = Table("quantity", "column", "unit", "", box=None, pad_edge=False)
+        for head in ("from", "to", "no number"):
+            table.add_column(head, justify="right")
+        for each in found.ranges:
+            ends = ["—" if end is None else f"{end:.5g}" for end in (each.low, each.high)]
+            empty = str(each.empty) if each.empty else ""
+            table.add_row(
+                each.quantity or "(not used)",
+                each.column,
+                each.unit or "",
+                each.reference or "",
+                *ends,
+                empty,
+            )
+        console.print(table)
+    if (clock := found.sampling) is not None:
+        regular = f", {clock.irregular} steps deviate by more than 1 %" if clock.irregular else ", regular"
+        typer.echo(
+            f"\n{clock.samples} samples in {clock.length:.6g} s, every {1e3 * clock.step:.4g} ms "
+            f"({1 / clock.step:.4g} Hz){regular}; longest step {1e3 * clock.longest:.4g} ms"
+        )
+    for name, count in found.gaps.items():
+        typer.echo(f"{name}: {count} samples lie in gaps of its own clock and count for nothing")
+    if found.card is not None:
+        _print_quantities(found.card, console.print)
+
+
+def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
+    from jaxmuscle.actuators import rig_named
+    from jaxmuscle.recordings import schema
+    from jaxmuscle.recordings.schema import written_quantity
+    from jaxmuscle.recordings.typical import default_in_card, meaning_in_card
+
+    rig = rig_named(card.rig)
+    table = Table("quantity", "value", "", "meaning", box=None, pad_edge=False)
+    for name, need in schema.quantities(rig).items():
+        given = card.quantities.get(name)
+        if given is None:
+            number, unit = default_in_card(rig, name) or (0.0, "")
+            entry = {"value": number, "unit": unit, "reference": "absolute" if need.referenced else ""}
+        else:
+            entry = written_quantity(given, need, card.ambient_pressure)
+        std = f" ± {entry['std']:.6g}" if "std" in entry else ""
+        value = f"{entry['value']:.6g}{std} {entry['unit']} {entry.get('reference') or ''}".rstrip()
+        role = "not given, taken" if given is None else "to be fitted" if std else "known"
+        table.add_row(name, value, role, meaning_in_card(need))
+    typer.echo(f"\nRig {card.rig!r}:\n")
+    show(table)
+    told = [f"effect {name}" for name in card.effects]
+    told += [f"noise of {name}" for name in card.noise]
+    told += [] if card.horizon is None else [f"horizon {card.horizon:g} s"]
+    if told:
+        typer.echo(f"\nThe card also gives: {', '.join(told)}.")
