@@ -29,6 +29,16 @@ def shared() -> Path:
     return folder
 
 
+@pytest.fixture
+def package_rigs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the rigs of the package are registered, as in a new process: other tests bring their own."""
+    import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+    from jaxmuscle.actuators import RIGS
+
+    for name in [name for name, rig in RIGS.items() if not rig.__module__.startswith("jaxmuscle.")]:
+        monkeypatch.delitem(RIGS, name)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _forget_compiled():
     """Compiled programs of a file are of no use to the next one, and all of them together take gigabytes."""

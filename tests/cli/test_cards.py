@@ -7,12 +7,16 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.cli import app
 from jaxmuscle.recordings import Card, schema
 from jaxmuscle.samples import sample
 
+pytestmark = pytest.mark.usefixtures("package_rigs")
+
 Run = Callable[..., Result]
+PACKAGED = [name for name, rig in RIGS.items() if rig.__module__.startswith("jaxmuscle.")]
 FACTS = {
     "full_command": "5:V",
     "supply_pressure": "7:bar:gauge",
@@ -133,7 +137,7 @@ def test_check_of_what_is_not_there(run: Run) -> None:
     assert "no card 'absent.toml'" in outcome.stderr
 
 
-@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("rig", PACKAGED)
 def test_every_quantity_of_a_rig_is_listed(run: Run, rig: str) -> None:
     outcome = run("init", "--rig", rig, "--list")
     assert outcome.exit_code == 0

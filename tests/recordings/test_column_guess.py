@@ -16,6 +16,8 @@ from jaxmuscle.recordings.readers.frames import table_of_frame
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.samples import NAMES, sample
 
+pytestmark = pytest.mark.usefixtures("package_rigs")
+
 
 def frame(name: str) -> pd.DataFrame:
     return pd.read_csv(sample(name))

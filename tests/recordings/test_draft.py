@@ -19,6 +19,8 @@ from jaxmuscle.recordings.typical import TYPICAL, default_in_card, typical
 from jaxmuscle.samples import NAMES, sample
 from jaxmuscle.units import to_si
 
+pytestmark = pytest.mark.usefixtures("package_rigs")
+
 
 def draft_of(name: str, *settings: str):
     table, _ = table_in_file(sample(name))
