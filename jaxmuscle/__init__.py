@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         robot,
         signals,
         simulation,
+        tuning,
     )
     from jaxmuscle._config import configure
     from jaxmuscle.diagnosis import Diagnosis, diagnose
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from jaxmuscle.samples import sample
     from jaxmuscle.simulation.simulate import simulate
     from jaxmuscle.sweeps import commands, sweep
+    from jaxmuscle.tuning import tune
 
 __version__ = "0.1.0"
 
@@ -71,6 +73,8 @@ _PLACES = {
     "simulate": ("jaxmuscle.simulation.simulate", "simulate"),
     "simulation": ("jaxmuscle.simulation", None),
     "sweep": ("jaxmuscle.sweeps", "sweep"),
+    "tune": ("jaxmuscle.tuning", "tune"),
+    "tuning": ("jaxmuscle.tuning", None),
 }
 
 __all__ = [
@@ -104,6 +108,8 @@ __all__ = [
     "simulate",
     "simulation",
     "sweep",
+    "tune",
+    "tuning",
 ]
 
 

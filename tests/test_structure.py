@@ -32,6 +32,7 @@ ORDER = (
     "control",
     "sweeps",
     "estimation",
+    "tuning",
     "diagnosis",
     "report",
     "cli",

@@ -6,11 +6,12 @@ from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
-from jaxmuscle.control.pid import IntegralInversePID, ScheduledPID
+from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
 
 __all__ = [
     "MACVICAR_WHELAN",
+    "PID",
     "Attached",
     "ClosedLoop",
     "Controller",

@@ -30,7 +30,8 @@ class Attached(eqx.Module):
     ``update(state, wanted, measured, step)`` → (state, output u). One that integrates may have a method
     ``without_windup(before, after, output, lowest, highest)`` → state, which is told the limits of u. Class
     variables that it may have: ``reads`` and ``gives``, the SI units of reading and output that its numbers
-    are in; ``of_one_number``, true if it follows a value alone, not its rates.
+    are in; ``of_one_number``, true if it follows a value alone, not its rates; ``gains``, the names of what
+    :func:`jaxmuscle.tune` moves when nothing else is asked for.
 
     Attributes:
         reading: name of the reading, an output of the rig such as "angle".
@@ -56,7 +57,8 @@ class Attached(eqx.Module):
         """The state after a sample of `step` seconds, and the command until the next.
 
         Raises:
-            InputError: the rig has no such reading, or a :class:`Reference` for a controller of one number.
+            InputError: the rig has no such reading, a :class:`Reference` for a controller of one number, or
+                an output that is not one number.
         """
         if isinstance(wanted, Reference) and getattr(self.controller, "of_one_number", False):
             name = type(self.controller).__name__
@@ -66,6 +68,11 @@ class Attached(eqx.Module):
                 f"Attached: expected one of the rig's readings {', '.join(readings)}; got {self.reading!r}"
             )
         after, output = self.controller.update(state, wanted, readings[self.reading], step)
+        if jnp.shape(output) != ():
+            raise InputError(
+                f"{type(self.controller).__name__}: expected an output of one number, shape (); got shape "
+                f"{jnp.shape(output)}"
+            )
         if hasattr(self.controller, "without_windup"):
             after = self.controller.without_windup(state, after, output, *self._limits)
         return after, jnp.clip(self.rest + self.direction * output, self.lowest, self.highest)

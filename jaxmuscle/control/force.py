@@ -48,6 +48,7 @@ class ProportionalForce(eqx.Module):
     reads: ClassVar = "N"
     gives: ClassVar = "A"
     of_one_number: ClassVar = True
+    gains: ClassVar = ("gain",)
     gain: Scalar = parameter("A/N", "proportional gain k_p", default=0.044, positive=True)
     curve: StaticCurve | None = None
     limit: Scalar = parameter("A", "rated current", default=0.4, positive=True)

@@ -51,6 +51,7 @@ class FuzzyPID(eqx.Module):
     reads: ClassVar = "rad"
     gives: ClassVar = "Pa"
     of_one_number: ClassVar = True
+    gains: ClassVar = ("error_range", "rate_range", "proportional", "integral")
     error_range: Scalar = parameter("rad", "error ē that is as big as can be", positive=True)
     rate_range: Scalar = parameter("rad/s", "rate r̄ of the error that is as big as can be", positive=True)
     proportional: Scalar = parameter("Pa", "command K_p of the strongest rule", nonnegative=True)

@@ -57,6 +57,7 @@ def closed_loop(
     start: Mapping[str, ArrayLike] | None = None,
     method: str | None = None,
     substeps: int | None = None,
+    widening: ArrayLike | None = None,
 ) -> ClosedLoop:
     """Simulate `actuator` from rest under `controller`.
 
@@ -77,10 +78,13 @@ def closed_loop(
         times: sampling instants [s], uniform.
         begin: the controller's state at the first sample; `controller.start()` when `None`.
         start, method, substeps: as for :func:`jaxmuscle.simulate`.
+        widening: factor by which dry friction is smoothed more widely, for the first stages of a descent:
+            a mass that sticks has no slopes. As it is when `None`.
 
     Raises:
         InputError: a rig without a command, a reference of another length or with values that are not
-            finite, a `begin` that is no state of the controller, a command of the wrong shape.
+            finite, a `begin` that is no state of the controller, a state after a sample that is none, a
+            command of the wrong shape.
     """
     if actuator.imposed or not actuator.commands:
         raise InputError(f"rig {actuator.rig!r} has no command for a controller to give")
@@ -90,7 +94,10 @@ def closed_loop(
     begin = controller.start() if begin is None else _begun(controller, begin)
     given = {name: jnp.asarray(value, dtype=float) for name, value in (start or {}).items()}
     steps = steps_of(actuator, step, method, substeps)
-    return _closed(actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps)
+    wide = None if widening is None else jnp.asarray(widening, dtype=float)
+    return _closed(
+        actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps, wide
+    )
 
 
 def _wanted(reference: Any, samples: int) -> Any:
@@ -116,13 +123,17 @@ def _wanted(reference: Any, samples: int) -> Any:
 
 def _begun(controller: Controller, begin: Any) -> Any:
     """A state of the controller, after a look at its form."""
-    form = lambda state: (jax.tree.structure(state), [jnp.shape(leaf) for leaf in jax.tree.leaves(state)])  # noqa: E731
-    if form(begin) != form(controller.start()):
+    if _form(begin) != _form(controller.start()):
         raise InputError(
             f"expected begin to be a state of {type(controller).__name__}, as its start() gives; "
             f"got {type(begin).__name__}"
         )
     return begin
+
+
+def _form(state: Any) -> Any:
+    """Structure and shapes of a state."""
+    return jax.tree.structure(state), [jnp.shape(leaf) for leaf in jax.tree.leaves(state)]
 
 
 @eqx.filter_jit
@@ -135,20 +146,26 @@ def _closed(
     begin: Any,
     given: dict[str, Array],
     steps: Steps,
+    widening: Array | None,
 ) -> ClosedLoop:
     """:func:`closed_loop`, compiled."""
     width = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
     bare = commanded_track(actuator, jnp.zeros((len(clock), *width)), step, given)
     rest = actuator.resting_command(bare.at(jnp.asarray(0)))
-    track = Track(step, jnp.broadcast_to(rest, bare.command.shape), bare.measured)
+    track = Track(step, jnp.broadcast_to(rest, bare.command.shape), bare.measured, widening=widening)
     as_arrays = lambda tree: jax.tree.map(jnp.asarray, tree)  # noqa: E731
 
     def update(state: Any, readings: dict[str, Array], row: Array) -> tuple[Any, Array]:
         here = jax.tree.map(lambda leaf: leaf[row], wanted)
-        state, command = controller.update(state, here, readings, step)
+        after, command = controller.update(state, here, readings, step)
         if jnp.shape(command) != width:
             raise InputError(f"expected a command of shape {width}; the controller gave {jnp.shape(command)}")
-        return as_arrays(state), command
+        if _form(after) != _form(state):
+            raise InputError(
+                f"{type(controller).__name__}: expected update to give a state of the form that start() has, "
+                f"{_form(state)}; got {_form(after)}"
+            )
+        return as_arrays(after), command
 
     found = run(
         actuator,

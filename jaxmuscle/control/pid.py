@@ -1,5 +1,6 @@
-"""PID controllers of [W]: with a model run inside that takes the hysteresis out of the way, and "piecewise",
-with gains by the range that the wanted angle lies in. What sampled controllers have in common stands first.
+"""PID controllers: the plain one, and those of [W], with a model run inside that takes the hysteresis out of
+the way, and "piecewise", with gains by the range that the wanted angle lies in. What sampled controllers have
+in common stands first.
 """
 
 from __future__ import annotations
@@ -49,6 +50,56 @@ def integrated(before: Value, after: Value, output: Value, lowest: Value, highes
     return jnp.where(waits, before, after)
 
 
+class Sampled(eqx.Module):
+    """State of a PID controller: integral part of the output, last error, its smoothed rate."""
+
+    integral: Scalar
+    error: Scalar
+    rate: Scalar
+
+
+class PID(eqx.Module):
+    r"""PID controller: :math:`u = K_p e + K_i \int e\,dt + K_d \dot e`, e the wanted less the measured value.
+
+    Rectangles for the integral; the rate is a backward difference behind a first-order low pass, without
+    which the noise of a sensor would be most of it. Its gains are in the units of the rig; at zero a part is
+    off. Where the output is beyond its limits the integral waits, as in :class:`IntegralInversePID`, which
+    has the times of [W] in the place of K_i and K_d and no low pass.
+    """
+
+    of_one_number: ClassVar = True
+    gains: ClassVar = ("proportional", "integral", "derivative")
+    proportional: Scalar = parameter("{input}/{output}", "gain K_p, input per output", nonnegative=True)
+    integral: Scalar = parameter("{input}/({output} s)", "gain K_i", default=0.0, nonnegative=True)
+    derivative: Scalar = parameter("{input} s/{output}", "gain K_d", default=0.0, nonnegative=True)
+    smoothing: Scalar = parameter("s", "time constant of the rate", default=0.01, nonnegative=True)
+
+    def __check_init__(self) -> None:
+        """Raise `InputError` for a negative gain or time."""
+        check_signs(self)
+
+    def start(self, error: float | Array = 0.0) -> Sampled:
+        """At rest, with an error that has not changed."""
+        return Sampled(jnp.zeros(()), jnp.asarray(error, dtype=float), jnp.zeros(()))
+
+    def update(
+        self, state: Sampled, reference: Scalar, measured: Scalar, step: float | Scalar
+    ) -> tuple[Sampled, Scalar]:
+        """The state after a sample of `step` seconds, and the output u until the next."""
+        error = reference - measured
+        rate = smoothed(state.rate, (error - state.error) / step, self.smoothing, step)
+        integral = state.integral + self.integral * step * error
+        output = self.proportional * error + integral + self.derivative * rate
+        return Sampled(integral, error, rate), output
+
+    def without_windup(
+        self, before: Sampled, after: Sampled, output: Scalar, lowest: Scalar, highest: Scalar
+    ) -> Sampled:
+        """The state after a sample whose output is limited: the integral does not grow further that way."""
+        integral = integrated(before.integral, after.integral, output, lowest, highest)
+        return eqx.tree_at(lambda state: state.integral, after, integral)
+
+
 class Controlling(eqx.Module):
     """State of an integral-inverse controller: that of the inverse, integral and last value of the error."""
 
@@ -68,6 +119,7 @@ class IntegralInversePID(eqx.Module):
     """
 
     of_one_number: ClassVar = True
+    gains: ClassVar = ("proportional", "integral_time", "derivative_time")
     inverse: IntegralInverse | None
     proportional: Scalar = parameter("{input}/{output}", "gain K_p, input per output", nonnegative=True)
     integral_time: Scalar = parameter("s", "integral time T_i", positive=True)
@@ -125,6 +177,7 @@ class ScheduledPID(eqx.Module):
     """
 
     of_one_number: ClassVar = True
+    gains: ClassVar = ("proportional", "integral_time", "derivative_time")
     inverse: IntegralInverse | None
     edges: Float[Array, " edges"] = parameter("{output}", "ends of the ranges but the last, increasing")
     proportional: Gains = parameter("{input}/{output}", "gain K_p of each range", nonnegative=True)

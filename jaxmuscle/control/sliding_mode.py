@@ -64,6 +64,7 @@ class SlidingMode(eqx.Module):
 
     reads: ClassVar = "rad"
     gives: ClassVar = "Pa"
+    gains: ClassVar = ("slope", "curvature", "per_error", "per_rate", "least", "integral_gain")
     joint: JointModel
     slope: Scalar = parameter("1/s", "slope C of the sliding line", positive=True)
     curvature: Scalar = parameter("s", "weight C' of the second rate", default=0.0, nonnegative=True)

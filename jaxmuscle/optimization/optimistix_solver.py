@@ -246,3 +246,11 @@ def _stepped(
     y, after, _ = solver.step(function, y, given, {}, before, frozenset())
     ended, result = solver.terminate(function, y, given, {}, after, frozenset())
     return y, eqx.filter(after, eqx.is_array), _trial(after), ended, result == optx.RESULTS.successful
+
+
+def bfgs(tolerance: float) -> Callable[[Lane, Local, Limits], None]:
+    """The steps of BFGS, for a cost of which gradients are known and no curvature.
+
+    `tolerance`: of coordinates, scaled by the slope at the start, and of the cost, relative and absolute.
+    """
+    return steps_by(optx.BFGS(rtol=tolerance, atol=tolerance))

@@ -24,6 +24,7 @@ ONE, PAIR = jnp.ones(()), jnp.ones(2)
 GOOD = {
     control.FuzzyPID: (0.3, 2.0, 1e5, 1e5),
     control.IntegralInversePID: (None, 0.1, 0.5, 0.0),
+    control.PID: (2e5, 1e5, 1e4),
     control.ProportionalForce: (),
     control.ScheduledPID: (None, np.array([45.0]), *(np.ones(2),) * 3),
     control.JointModel: (6.0, 60.0, 5e-4),

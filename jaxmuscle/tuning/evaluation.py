@@ -1,0 +1,215 @@
+"""Cost of gains over scenarios, with its derivatives through the whole closed loop; what runs look like."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from jaxmuscle._config import cores
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.feedback import Attached
+from jaxmuscle.control.loop import ClosedLoop, closed_loop
+from jaxmuscle.estimation.free_parameters import Unknowns
+from jaxmuscle.optimization.levenberg_marquardt import Local
+from jaxmuscle.parallel import on_all_cores
+from jaxmuscle.parameters import replace
+from jaxmuscle.tuning.cases import Case, Sensed, Stacked, target_of
+from jaxmuscle.tuning.gains import Movable
+from jaxmuscle.tuning.objective import Objective
+
+MOST_FORWARD = 60
+"""Free gains up to which the derivatives of residuals are computed, one pass forward for each of them."""
+WIDEST = 16
+"""Scenarios in one program at most: with more, what a step touches no longer fits into a core's cache."""
+
+Vector = NDArray[np.float64]
+
+
+class Rig(eqx.Module):
+    """A machine, the controller that is tuned, what is made small, and the clock.
+
+    Attributes:
+        controller: of one reading where it is `attached` to the machine by it, else of the whole machine.
+        widening: factor by which dry friction is smoothed more widely; `None` where it never is.
+    """
+
+    actuator: AbstractActuator
+    controller: Movable
+    attached: Attached | None
+    objective: Objective
+    widening: Array | None
+    step: float = eqx.field(static=True)
+    samples: int = eqx.field(static=True)
+
+    def run(self, gains: Array, case: Case) -> ClosedLoop:
+        """One scenario under some gains (SI)."""
+        machine = replace(self.actuator, case.changes) if case.changes else self.actuator
+        controller = whole = self.controller.at(gains)
+        if self.attached is not None:
+            whole = eqx.tree_at(lambda loop: loop.controller, self.attached, controller)
+        return closed_loop(
+            machine,
+            Sensed(whole, case.resolution),
+            case.told,
+            np.arange(self.samples) * self.step,
+            start=case.start,
+            widening=self.widening,
+        )
+
+    def residuals(self, gains: Array, case: Case) -> Array:
+        """What the cost of one scenario is made of."""
+        reference = case.told.reference
+        loop = self.run(gains, case)
+        return self.objective.residuals(loop, reference, target_of(reference), case.counts)
+
+
+@eqx.filter_jit
+def _forward(rig: Rig, gains: Array, cases: Case) -> tuple[Array, Array, Array]:
+    """Cost of each scenario, gradient and Gauss-Newton matrix by the gains; one forward pass for each."""
+
+    def of(case: Case) -> tuple[Array, Array, Array]:
+        def pushed(tangent: Array) -> tuple[Array, Array]:
+            return jax.jvp(lambda there: rig.residuals(there, case), (gains,), (tangent,))
+
+        r, slopes = jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(gains)))
+        return r @ r, 2 * slopes @ r, 2 * slopes @ slopes.T
+
+    return jax.vmap(of)(cases)
+
+
+@eqx.filter_jit
+def _reverse(rig: Rig, gains: Array, cases: Case) -> tuple[Array, Array]:
+    """Cost of each scenario and its gradient by the gains, by one pass back."""
+
+    def of(case: Case) -> tuple[Array, Array]:
+        cost = lambda there: rig.objective.cost(rig.residuals(there, case))  # noqa: E731
+        return jax.value_and_grad(cost)(gains)
+
+    return jax.vmap(of)(cases)
+
+
+class Seen(eqx.Module):
+    """Runs of scenarios: cost and terms of each, readings and commands; with a leading axis of scenarios."""
+
+    cost: Float[Array, " scenarios"]
+    terms: dict[str, Float[Array, " scenarios"]]
+    readings: dict[str, Array]
+    commands: Array
+
+
+@eqx.filter_jit
+def _seen(rig: Rig, gains: Array, cases: Case) -> Seen:
+    def of(case: Case) -> Seen:
+        loop, reference = rig.run(gains, case), case.told.reference
+        target = target_of(reference)
+        cost = rig.objective.cost(rig.objective.residuals(loop, reference, target, case.counts))
+        terms = rig.objective.values(loop, target, case.counts)
+        return Seen(cost, terms, loop.readings, loop.commands)
+
+    return jax.vmap(of)(cases)
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """The cost of gains over scenarios as a minimiser asks for it.
+
+    Over n scenarios the cost is :math:`(\\frac1n \\sum_i c_i^p)^{1/p}`, a mean at p = 1 and the worst case in
+    the limit: a soft maximum that does not depend on the unit of the cost.
+
+    Attributes:
+        rows: the scenarios of `stacked` that count.
+        order: p.
+    """
+
+    rig: Rig
+    unknowns: Unknowns
+    stacked: Stacked
+    rows: tuple[int, ...]
+    order: float
+
+    @property
+    def forward(self) -> bool:
+        """Whether derivatives are those of residuals, by forward passes."""
+        return self.rig.objective.squares and len(self.unknowns) <= MOST_FORWARD
+
+    @property
+    def width(self) -> int:
+        """Scenarios in one program: all cores have some."""
+        return int(min(-(-len(self.rows) // cores()), WIDEST))
+
+    def widened(self, factor: float) -> Evaluation:
+        """The same with dry friction smoothed more widely."""
+        rig = dataclasses.replace(self.rig, widening=jnp.asarray(factor, dtype=float))
+        return dataclasses.replace(self, rig=rig)
+
+    def __call__(self, points: Float[np.ndarray, "points k"]) -> list[Local]:
+        """Cost, gradient and curvature at points in the coordinates of the unknowns."""
+        blocks = list(self.stacked.blocks(self.rows, self.width))
+        unknowns, program = self.unknowns, _forward if self.forward else _reverse
+
+        def of(task: tuple[Vector, tuple[Case, int]]) -> list[NDArray]:
+            point, (cases, own) = task
+            found = program(self.rig, jnp.asarray(unknowns.values(point)), cases)
+            return [np.asarray(part)[:own] for part in found]
+
+        parts = on_all_cores(of, list(itertools.product(points, blocks)))
+        many, found = len(blocks), []
+        for number, point in enumerate(points):
+            own = parts[number * many : (number + 1) * many]
+            joined = [np.concatenate(group) for group in zip(*own, strict=True)]
+            found.append(_together(joined, unknowns.slopes(point), self.order))
+        return found
+
+    def seen(self, values: Sequence[float] | Vector, rows: Sequence[int]) -> Seen:
+        """Runs of any scenarios under gains (SI)."""
+        blocks = list(self.stacked.blocks(rows, self.width))
+
+        def of(block: tuple[Case, int]) -> Any:
+            cases, own = block
+            found = _seen(self.rig, jnp.asarray(values), cases)
+            return jax.tree.map(lambda leaf: np.asarray(leaf)[:own], found)
+
+        return jax.tree.map(lambda *leaves: np.concatenate(leaves), *on_all_cores(of, blocks))
+
+    def cost(self, seen: Seen) -> float:
+        """The cost that runs together have; infinite where one is not finite."""
+        cost = np.asarray(seen.cost)
+        return float(np.mean(cost**self.order) ** (1 / self.order)) if np.isfinite(cost).all() else np.inf
+
+
+def _together(parts: Sequence[NDArray], slopes: Vector, order: float) -> Local:
+    """Cost of all scenarios with its derivatives by the coordinates, from those of each by the values.
+
+    Args:
+        parts: costs, gradients and, where there are any, Gauss-Newton matrices.
+        slopes: of the values by the coordinates.
+    """
+    costs, gradients = parts[0], parts[1] * slopes
+    if not (np.isfinite(costs).all() and np.isfinite(gradients).all()):
+        size = len(slopes)
+        return Local(np.inf, np.full(size, np.nan), np.full((size, size), np.nan), 1)
+    largest = max(float(costs.max()), 1e-300)
+    shares = (costs / largest) ** (order - 1)
+    mean = float(np.mean((costs / largest) ** order)) or 1e-300
+    cost = largest * mean ** (1 / order)
+    weights = shares / len(costs) * mean ** (1 / order - 1)
+    gradient = weights @ gradients
+    if len(parts) < 3:
+        # As much curvature as there is at least where a cost is a square that falls to zero.
+        curvature = float(gradient @ gradient) / (2 * cost) if cost > 0 else 0.0
+        return Local(cost, gradient, curvature * np.eye(len(slopes)), 0)
+    matrix = np.einsum("i,ijk->jk", weights, parts[2]) * np.outer(slopes, slopes)
+    if order > 1:
+        among = weights / np.maximum(costs, 1e-12 * largest)
+        spread = np.einsum("i,ij,ik->jk", among, gradients, gradients) - np.outer(gradient, gradient) / cost
+        matrix = matrix + (order - 1) * spread
+    return Local(cost, gradient, matrix, 0)

@@ -1,0 +1,145 @@
+"""Gains of a controller: which numbers are free, by which names, within which bounds; any `eqx.Module`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
+from jaxmuscle.estimation.request import Bounds, by_name, names, read_bounds
+from jaxmuscle.parameters import Parameter, entries_of, parameters
+
+SPREAD = 1.5
+"""Standard deviation of the logarithm of a positive gain over several starts: a factor of 4.5."""
+
+
+class Movable(eqx.Module):
+    """A controller whose free numbers may be given others; `places`: leaf of each of them, index in it."""
+
+    controller: Any
+    places: tuple[tuple[int, tuple[int, ...]], ...] = eqx.field(static=True)
+
+    def at(self, values: Array | Sequence[float]) -> Any:
+        """The controller with other values of the free numbers (SI); they may be traced."""
+        leaves, form = jax.tree.flatten(self.controller)
+        for number, (leaf, index) in enumerate(self.places):
+            leaves[leaf] = jnp.asarray(leaves[leaf]).at[index].set(values[number])
+        return jax.tree.unflatten(form, leaves)
+
+
+class Gains(NamedTuple):
+    """A controller with free numbers, and what is known of these, in one order.
+
+    A gain that is declared positive, or not negative and begins above zero, is moved on its logarithm, so
+    that it keeps its sign; any other in units of its size (:class:`Unknowns`).
+    """
+
+    movable: Movable
+    unknowns: Unknowns
+
+
+def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, Bounds] | None) -> Gains:
+    """The free numbers of a controller.
+
+    Args:
+        free: their names: fields ("proportional"), arrays (all entries) or entries ("layers[0].weight[1,2]");
+            when `None` the class variable `gains` of the controller, all arrays of one that has none.
+        bounds: name → (lower, upper) in SI, `None` on a side without one.
+
+    Raises:
+        InputError: an unknown name, nothing free, bounds of what is not free, in the wrong order or without
+            the start; a start at zero of which no size is known.
+    """
+    known, declared = _numbers(controller), _declared(controller)
+    asked = getattr(controller, "gains", None) if free is None else names(free, "free")
+    chosen = [entry for name in asked or _arrays(known) for entry in _resolved(known, name, "free")]
+    chosen = list(dict.fromkeys(chosen))
+    if not chosen:
+        raise InputError(f"{type(controller).__name__} has no number that could be tuned")
+    within: dict[str, Bounds] = {}
+    for written, pair in by_name(bounds, "bounds").items():
+        own = [name for name in _resolved(known, written, "bounds") if name in chosen]
+        if not own:
+            raise InputError(f"bounds: {written!r} is not free; add it to free= or leave it out of bounds=")
+        within |= dict.fromkeys(own, read_bounds(pair, f"bounds[{written!r}]"))
+    entries = []
+    for name in chosen:
+        leaf, index, whole = known[name]
+        place = declared.get(whole, Parameter(path=whole, value=0.0))
+        array = np.asarray(jax.tree.leaves(controller)[leaf], dtype=float)
+        place = dataclasses.replace(place, path=name, name=name, value=float(array[index]))
+        entries.append(_unknown(place, within.get(name, (None, None)), array))
+    return Gains(Movable(controller, tuple(known[name][:2] for name in chosen)), Unknowns(entries))
+
+
+Known = dict[str, tuple[int, tuple[int, ...], str]]
+"""Name of a number → leaf, index in it, name of the whole leaf."""
+
+
+def _numbers(controller: Any) -> Known:
+    """Every floating number of a controller by its name."""
+    found: Known = {}
+    for number, (path, leaf) in enumerate(jax.tree_util.tree_flatten_with_path(controller)[0]):
+        if not eqx.is_inexact_array(leaf):
+            continue
+        whole = jax.tree_util.keystr(path).lstrip(".")
+        for name, index in zip(entries_of(whole, leaf), np.ndindex(*leaf.shape), strict=True):
+            found[name] = number, index, whole
+    return found
+
+
+def _declared(controller: Any) -> dict[str, Parameter]:
+    return parameters(controller) if isinstance(controller, eqx.Module) else {}
+
+
+def _arrays(known: Known) -> list[str]:
+    return list(dict.fromkeys(whole for _, _, whole in known.values()))
+
+
+def _resolved(known: Known, name: str, where: str) -> list[str]:
+    """The number of a name, or all those of an array."""
+    if name in known:
+        return [name]
+    entries = [entry for entry, (_, _, whole) in known.items() if whole == name]
+    if not entries:
+        raise InputError(f"{where}: unknown gain {name!r}{nearest(name, [*_arrays(known), *known])}")
+    return entries
+
+
+def _unknown(place: Parameter, bounds: Bounds, whole: Any) -> Unknown:
+    """A gain within its bounds, with the size in which it is moved."""
+    start, name = float(place.value), place.name
+    floor = 0.0 if place.positive or place.nonnegative else -math.inf
+    lower = floor if bounds[0] is None else max(bounds[0], floor)
+    upper = math.inf if bounds[1] is None else bounds[1]
+    within = f"{lower:g} to {upper:g} {place.unit}".rstrip()
+    if not lower < upper:
+        raise InputError(f"bounds of {name}: expected a lower one below the upper one; got {within}")
+    if not lower <= start <= upper or (place.positive and start <= 0):
+        raise InputError(
+            f"bounds of {name}: its start, {start:g}, is not within {within}; widen the bounds, or begin "
+            f"elsewhere: jaxmuscle.replace(controller, {{{name!r}: …}})"
+        )
+    if floor == 0.0 and start > 0:
+        moved = dataclasses.replace(place, positive=True)
+        return Unknown(name, moved, (0,), start, lower, upper, SPREAD * start)
+    size = abs(start) or (place.typical or 0.0) or (upper if math.isfinite(upper) else 0.0)
+    if place.unit or place.meaning:
+        if not size:
+            raise InputError(
+                f"{name} begins at 0, and nothing says how large it may be; begin above it, "
+                f"jaxmuscle.replace(controller, {{{name!r}: …}}), or give it an upper bound"
+            )
+    else:
+        # A weight of a network: as large as those beside it.
+        size = float(np.sqrt(np.mean(whole**2))) or 1.0
+    return Unknown(name, place, (0,), start, lower, upper, size)

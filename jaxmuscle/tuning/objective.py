@@ -1,0 +1,181 @@
+"""What a tuning makes small: named terms of a run in closed loop, each beside the size that counts as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.actuators.variables import rate_unit
+from jaxmuscle.control.loop import ClosedLoop
+from jaxmuscle.errors import InputError, nearest
+
+BAND, EDGE = 0.02, 0.2
+"""Half-width of the band of a settled error, of the range of the motion; of its smooth edge, of the band."""
+
+
+class Seen(NamedTuple):
+    """A run as the terms look at it: wanted and read values, commands and their rest, which samples count.
+
+    The first axis is that of the samples; `step`: between them [s].
+    """
+
+    target: Array
+    reading: Array
+    commands: Array
+    rest: Array
+    counts: Bool[Array, " samples"]
+    step: Array
+
+    @property
+    def error(self) -> Array:
+        """Wanted less read."""
+        return self.target - self.reading
+
+
+def _root_mean(values: Array, counts: Array) -> Array:
+    """Numbers whose sum of squares is the mean square of those values that count."""
+    counted = jnp.where(counts.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+    return (counted / jnp.sqrt(jnp.maximum(counts.sum(), 1) * values[0].size)).ravel()
+
+
+def _over(values: Array, counts: Array) -> Array:
+    """The largest of those that count, at least zero."""
+    shown = jnp.where(counts.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+    return jnp.maximum(shown.max(), 0.0)
+
+
+def _range(seen: Seen) -> tuple[Array, Array]:
+    """Lowest and highest wanted value."""
+    shown = seen.counts.reshape(-1, *[1] * (seen.target.ndim - 1))
+    lowest = jnp.where(shown, seen.target, jnp.inf).min(axis=0)
+    return lowest, jnp.where(shown, seen.target, -jnp.inf).max(axis=0)
+
+
+def tracking(seen: Seen) -> Array:
+    """Root mean square of the error."""
+    return _root_mean(seen.error, seen.counts)
+
+
+def peak(seen: Seen) -> Array:
+    """Largest error."""
+    return _over(jnp.abs(seen.error), seen.counts)
+
+
+def overshoot(seen: Seen) -> Array:
+    """How far the reading goes beyond all that is wanted of it."""
+    lowest, highest = _range(seen)
+    return _over(jnp.maximum(seen.reading - highest, lowest - seen.reading), seen.counts)
+
+
+def settling(seen: Seen) -> Array:
+    """Time for which the error is beyond 2 % of the range of the motion, with smooth edges."""
+    lowest, highest = _range(seen)
+    begin = seen.reading[0]
+    band = BAND * (jnp.maximum(highest, begin) - jnp.minimum(lowest, begin))
+    safe = jnp.where(band > 0, band, 1.0)
+    share = jax.nn.sigmoid((jnp.abs(seen.error) - band) / (EDGE * safe))
+    outside = share.reshape(len(share), -1).max(axis=1)
+    return seen.step * jnp.where(seen.counts, outside, 0.0).sum()
+
+
+def effort(seen: Seen) -> Array:
+    """Root mean square of the command's distance from rest."""
+    return _root_mean(seen.commands - seen.rest, seen.counts)
+
+
+def variation(seen: Seen) -> Array:
+    """Root mean square of the command's rate from sample to sample: what wears valves, chattering."""
+    return _root_mean(jnp.diff(seen.commands, axis=0) / seen.step, seen.counts[1:])
+
+
+TERMS: dict[str, Callable[[Seen], Array]] = {
+    term.__name__: term for term in (tracking, peak, overshoot, settling, effort, variation)
+}
+"""Name → function whose sum of squares is the square of the term's value."""
+
+Given = Mapping[str, float] | Callable[[ClosedLoop, Any], Array]
+"""Term → the size of it that costs one; or a function of a run and its reference."""
+
+
+class Objective(eqx.Module):
+    r"""Cost of a run: :math:`c = \sum_i (v_i/s_i)^2` over named terms, or what a function of the user's says.
+
+    Attributes:
+        sizes: term → the value of it that costs one (SI).
+        function: (run, reference) → residuals, whose squares add up to the cost, or one number, the cost
+            itself, not below zero; `None` for named terms.
+        reading: that follows the reference; rest: command that costs no effort.
+        squares: whether the cost is a sum of squares.
+    """
+
+    sizes: dict[str, Float[Array, ""]]
+    function: Callable[[ClosedLoop, Any], Array] | None = eqx.field(static=True)
+    reading: str | None = eqx.field(static=True)
+    rest: Array
+    squares: bool = eqx.field(static=True, default=True)
+
+    def seen(self, loop: ClosedLoop, target: Array, counts: Array) -> Seen:
+        """A run as the terms look at it."""
+        assert self.reading is not None
+        step = loop.time[1] - loop.time[0]
+        return Seen(target, loop.readings[self.reading], loop.commands, self.rest, counts, step)
+
+    def values(self, loop: ClosedLoop, target: Any, counts: Array) -> dict[str, Array]:
+        """Value of every term, asked for or not, in SI."""
+        if self.reading is None:
+            return {}
+        seen = self.seen(loop, target, counts)
+        return {name: jnp.sqrt(jnp.sum(term(seen) ** 2)) for name, term in TERMS.items()}
+
+    def residuals(self, loop: ClosedLoop, reference: Any, target: Any, counts: Array) -> Array:
+        """What the cost is made of: numbers whose squares add up to it, or the cost."""
+        if self.function is not None:
+            return jnp.asarray(self.function(loop, reference))
+        seen = self.seen(loop, target, counts)
+        parts = [jnp.atleast_1d(TERMS[name](seen)) / size for name, size in self.sizes.items()]
+        return jnp.concatenate(parts)
+
+    def cost(self, residuals: Array) -> Array:
+        """The cost that residuals stand for."""
+        return jnp.sum(residuals**2) if self.squares else residuals
+
+
+def units(actuator: AbstractActuator, reading: str | None) -> dict[str, str]:
+    """Term → its SI unit."""
+    if reading is None:
+        return {}
+    own, command = (
+        actuator.column(actuator.outputs[reading][0]).unit,
+        actuator.column(actuator.commands[0]).unit,
+    )
+    return {
+        **dict.fromkeys(("tracking", "peak", "overshoot"), own),
+        "settling": "s",
+        "effort": command,
+        "variation": rate_unit(command),
+    }
+
+
+def sizes_of(given: Mapping[str, float]) -> dict[str, float]:
+    """Sizes of named terms as they were written.
+
+    Raises:
+        InputError: none, an unknown term, a size that is not above zero.
+    """
+    if not given:
+        raise InputError(f"objective: expected at least one term of {', '.join(TERMS)}, and its size")
+    for name, size in given.items():
+        if name not in TERMS:
+            raise InputError(f"objective: unknown term {name!r}{nearest(str(name), TERMS)}")
+        if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < float(size) < float("inf"):
+            raise InputError(
+                f"objective[{name!r}]: expected the size of the term that costs one, above zero (SI); "
+                f"got {size!r}"
+            )
+    return {name: float(size) for name, size in given.items()}

@@ -1,0 +1,201 @@
+"""Outcome of a tuning: gains, what they bring on the scenarios that were tuned on and on those held out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+import jaxmuscle
+from jaxmuscle.control.feedback import Attached
+from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.serialization import as_toml, plain, restored
+from jaxmuscle.files import atomic_write, existing_file, file_content
+from jaxmuscle.formatting import aligned, quantity, rounded
+from jaxmuscle.tuning.figure import plot
+from jaxmuscle.tuning.gains import gains_of
+from jaxmuscle.tuning.judged import Gain, Judged
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuning:
+    """The outcome of :func:`jaxmuscle.tune`.
+
+    Attributes:
+        gains: name → tuned gain.
+        before, after: on the training scenarios, with the start gains and with the tuned ones.
+        held_out_before, held_out_after: on those that took no part; `None` without any.
+        units: term → SI unit.
+        code: "converged", "stalled" (no step lowers the cost any more), "steps" or "budget" (best so far).
+        notes: what a reader has to know, one sentence each.
+        traces: scenario → table over time: reference, reading and commands before and after, of the worst
+            training scenario and the worst one held out, as they are with the tuned gains.
+        evaluations, seconds: points at which cost and derivatives were computed; the whole took.
+        controller: the tuned controller, of the kind that was given; `None` in a result that was loaded, see
+            :meth:`put_into`.
+    """
+
+    gains: dict[str, Gain]
+    before: Judged
+    after: Judged
+    held_out_before: Judged | None
+    held_out_after: Judged | None
+    units: dict[str, str]
+    code: str
+    notes: tuple[str, ...]
+    traces: dict[str, pd.DataFrame]
+    evaluations: int
+    seconds: float
+    controller: Any = None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Name → tuned value (SI)."""
+        return {name: gain.value for name, gain in self.gains.items()}
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the cost fell on the held-out scenarios too; `None` without any."""
+        if self.held_out_before is None or self.held_out_after is None:
+            return None
+        return self.held_out_after.cost < self.held_out_before.cost
+
+    def put_into(self, controller: Any) -> Any:
+        """A controller of the same kind with the tuned gains; one that is attached stays so.
+
+        Raises:
+            InputError: it has no gain of some name.
+        """
+        inner = controller.controller if isinstance(controller, Attached) else controller
+        tuned = gains_of(inner, list(self.gains), None).movable.at(list(self.values.values()))
+        if isinstance(controller, Attached):
+            return eqx.tree_at(lambda loop: loop.controller, controller, tuned)
+        return tuned
+
+    def table(self) -> pd.DataFrame:
+        """Gain, value, start, unit, bounds and sensitivities, one row a gain."""
+        rows = {name: dataclasses.asdict(gain) for name, gain in self.gains.items()}
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("gain")
+
+    def __str__(self) -> str:
+        """Cost, gains and terms before and after, notes."""
+        return summary(self)
+
+    __repr__ = __str__
+
+    def plot(self) -> Figure:
+        """A matplotlib figure: the worst scenarios before and after, their commands, all terms."""
+        sides = {"training": (self.before, self.after)}
+        if self.held_out_before is not None and self.held_out_after is not None:
+            sides["held out"] = self.held_out_before, self.held_out_after
+        return plot(self.traces, self.units, sides)
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything but the controller as TOML; :meth:`load` reads it back without loss."""
+        file = Path(path)
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "controller"}
+        content = {"kind": KIND, "format": FORMAT, "jaxmuscle": jaxmuscle.__version__}
+        content |= {name: plain(value) for name, value in fields.items()}
+        with atomic_write(file) as (unfinished,):
+            unfinished.write_text(as_toml(content), encoding="utf-8", newline="\n")
+        return file
+
+    @classmethod
+    def load(cls, path: str | Path) -> Tuning:
+        """A result as it was saved, without its controller.
+
+        Raises:
+            InputError: no such file, or not a saved tuning.
+        """
+        return _loaded(Path(path))
+
+
+KIND = "jaxmuscle tuning"
+FORMAT = 1
+
+
+def _loaded(path: Path) -> Tuning:
+    file = existing_file(path, "saved tuning", (".toml",))
+    try:
+        content = tomllib.loads(file_content(file).decode("utf-8"))
+    except ValueError as error:
+        raise InputError(f"{file}: cannot be read as TOML: {error}") from error
+    if content.get("kind") != KIND:
+        raise InputError(f"{file}: not a tuning; expected a file that Tuning.save wrote")
+    if content["format"] != FORMAT:
+        raise InputError(
+            f"{file}: written by jaxmuscle {content['jaxmuscle']}, whose files differ; tune again"
+        )
+    data = restored(content)
+
+    def judged(name: str) -> Any:
+        own = data[name]
+        return None if own is None else Judged(own["cost"], _table(own["terms"]))
+
+    return Tuning(
+        gains={name: Gain(**gain) for name, gain in data["gains"].items()},
+        before=judged("before"),
+        after=judged("after"),
+        held_out_before=judged("held_out_before"),
+        held_out_after=judged("held_out_after"),
+        notes=tuple(data["notes"]),
+        traces={name: _table(each) for name, each in data["traces"].items()},
+        **{name: data[name] for name in ("units", "code", "evaluations", "seconds")},
+    )
+
+
+def _table(data: Mapping[str, Any]) -> pd.DataFrame:
+    columns = {name: np.array(values, dtype=float) for name, values in data["columns"].items()}
+    return pd.DataFrame(columns, index=pd.Index(data["index"], name=data["name"]))
+
+
+def summary(tuned: Tuning) -> str:
+    """A result as text."""
+    lines = [f"Cost {_costs(tuned.before, tuned.after)} on {len(tuned.after.terms)} training scenarios"]
+    before, after = tuned.held_out_before, tuned.held_out_after
+    if before is not None and after is not None:
+        lines[0] += f", {_costs(before, after)} on {len(after.terms)} held-out ones"
+    lines[0] += f" ({tuned.code}; {tuned.evaluations} evaluations with derivatives, {tuned.seconds:.1f} s)."
+    rows = [
+        (name, rounded(gain.start, 4), rounded(gain.value, 4), gain.unit, _rise(gain.less), _rise(gain.more))
+        for name, gain in list(tuned.gains.items())[:MOST_SHOWN]
+    ]
+    lines += ["", aligned(("gain", "before", "after", "unit", "cost at -10 %", "at +10 %"), rows)]
+    if len(tuned.gains) > MOST_SHOWN:
+        lines.append(f"and {len(tuned.gains) - MOST_SHOWN} others")
+    if tuned.units:
+        sides = [side for side in (tuned.before, tuned.after, before, after) if side is not None]
+        heads = ("term", "training before", "after", "held-out before", "after")[: len(sides) + 1]
+        own = [
+            (t, *(quantity(_shown(side.value(t)), unit, 3) for side in sides))
+            for t, unit in tuned.units.items()
+        ]
+        lines += ["", aligned(heads, own)]
+    return "\n".join([*lines, *(["", *tuned.notes] if tuned.notes else [])])
+
+
+ROUNDING = 1e-12
+"""Value of a term (SI) that is printed as none."""
+MOST_SHOWN = 12
+"""Gains that the text lists; the table has all of them."""
+
+
+def _shown(value: float) -> float:
+    """A value without what rounding leaves of none."""
+    return 0.0 if abs(value) < ROUNDING else value
+
+
+def _costs(before: Judged, after: Judged) -> str:
+    return f"{rounded(before.cost, 3)} to {rounded(after.cost, 3)}"
+
+
+def _rise(share: float) -> str:
+    return f"{100 * share:+.1f} %" if math.isfinite(share) else "-"
