@@ -78,8 +78,8 @@ def closed_loop(
         times: sampling instants [s], uniform.
         begin: the controller's state at the first sample; `controller.start()` when `None`.
         start, method, substeps: as for :func:`jaxmuscle.simulate`.
-        widening: factor by which dry friction is smoothed more widely, for the first stages of a descent:
-            a mass that sticks has no slopes. As it is when `None`.
+        widening: how many times as wide as it is dry friction is smoothed where a motion comes to rest, for
+            the first stages of a descent; a mass that friction holds stays held. As it is when `None`.
 
     Raises:
         InputError: a rig without a command, a reference of another length or with values that are not

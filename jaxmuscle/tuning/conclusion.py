@@ -90,6 +90,7 @@ def _unit(evaluation: Evaluation, unit: str) -> str:
     if channel is None or evaluation.rig.attached is None:
         return unit
     reading = rig.column(rig.outputs[channel.reading][0]).unit
+    reading = f"({reading})" if "/" in reading else reading
     return unit.replace("{input}", channel.unit or "1").replace("{output}", reading)
 
 

@@ -52,7 +52,8 @@ def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, B
 
     Args:
         free: their names: fields ("proportional"), arrays (all entries) or entries ("layers[0].weight[1,2]");
-            when `None` the class variable `gains` of the controller, all arrays of one that has none.
+            when `None` those that the class variable `gains` of the controller names and that are not zero,
+            by which a part is off; all arrays of a controller without that variable.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
 
     Raises:
@@ -60,9 +61,12 @@ def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, B
             the start; a start at zero of which no size is known.
     """
     known, declared = _numbers(controller), _declared(controller)
-    asked = getattr(controller, "gains", None) if free is None else names(free, "free")
-    chosen = [entry for name in asked or _arrays(known) for entry in _resolved(known, name, "free")]
-    chosen = list(dict.fromkeys(chosen))
+    usual = getattr(controller, "gains", None)
+    asked = (usual or _arrays(known)) if free is None else names(free, "free")
+    chosen = list(dict.fromkeys(entry for name in asked for entry in _resolved(known, name, "free")))
+    if free is None and usual:
+        leaves = jax.tree.leaves(controller)
+        chosen = [name for name in chosen if leaves[known[name][0]][known[name][1]] != 0]
     if not chosen:
         raise InputError(f"{type(controller).__name__} has no number that could be tuned")
     within: dict[str, Bounds] = {}

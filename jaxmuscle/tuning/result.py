@@ -174,10 +174,7 @@ def summary(tuned: Tuning) -> str:
     if tuned.units:
         sides = [side for side in (tuned.before, tuned.after, before, after) if side is not None]
         heads = ("term", "training before", "after", "held-out before", "after")[: len(sides) + 1]
-        own = [
-            (t, *(quantity(_shown(side.value(t)), unit, 3) for side in sides))
-            for t, unit in tuned.units.items()
-        ]
+        own = [(t, *(_shown(side.value(t), unit) for side in sides)) for t, unit in tuned.units.items()]
         lines += ["", aligned(heads, own)]
     return "\n".join([*lines, *(["", *tuned.notes] if tuned.notes else [])])
 
@@ -188,9 +185,11 @@ MOST_SHOWN = 12
 """Gains that the text lists; the table has all of them."""
 
 
-def _shown(value: float) -> float:
-    """A value without what rounding leaves of none."""
-    return 0.0 if abs(value) < ROUNDING else value
+def _shown(value: float, unit: str) -> str:
+    """The value of a term, without what rounding leaves of none."""
+    if not math.isfinite(value):
+        return "not finite"
+    return quantity(0.0 if abs(value) < ROUNDING else value, unit, 3)
 
 
 def _costs(before: Judged, after: Judged) -> str:

@@ -6,9 +6,9 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 from numpy.typing import NDArray
@@ -108,12 +108,9 @@ def sample(fit: FitData, count: int, seed: int = 0) -> list[dict[str, float]]:
 
 def _listed(references: Any) -> Sequence[Any]:
     """Several references, or one, as a list; a list of numbers is one reference."""
-    several = isinstance(references, list | tuple) and not isinstance(references, Reference)
-    return (
-        references
-        if several and references and jnp.ndim(references[0]) + callable(references[0])
-        else [references]
-    )
+    if not isinstance(references, list | tuple) or isinstance(references, Reference) or not references:
+        return [references]
+    return [references] if isinstance(references[0], Real) else references
 
 
 def _numbered(pairs: Sequence[tuple[Any, Mapping[str, float]]], times: Any, settings: Any) -> list[Scenario]:

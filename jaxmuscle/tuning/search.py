@@ -117,8 +117,10 @@ def _runs_away(evaluation: Evaluation, point: NDArray) -> str:
     """In which scenario, and when, readings at a point are no numbers any more."""
     scenarios = evaluation.stacked
     seen = evaluation.seen(settled(evaluation.unknowns, point), evaluation.rows)
+    followed = evaluation.rig.objective.reading
+    readings = sorted(seen.readings.items(), key=lambda entry: entry[0] != followed)
     for row in evaluation.rows:
-        for name, values in seen.readings.items():
+        for name, values in readings:
             wrong = ~np.isfinite(values[row].reshape(scenarios.samples, -1)).all(axis=1)
             if wrong.any():
                 at = scenarios.step * int(np.argmax(wrong))

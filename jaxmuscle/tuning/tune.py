@@ -93,14 +93,15 @@ def tune(
             tracking, 1 % of the range of the references.
         held_out: scenarios for the last word.
         free: gains that are tuned, entries of arrays as ``layers[0].weight[1,2]``; when `None` those that
-            the controller's class names in `gains`, else all its arrays.
+            the controller's class names in `gains` and that are not zero, else all its arrays.
         bounds: gain → (lower, upper) in SI, `None` on a side without one. A gain that is declared positive
             or not negative keeps its sign without them.
         worst: p, at least 1: the mean at 1, ever more the worst scenario beyond (8 is near it).
         starts: how many (the controller's own, then a Latin hypercube about it), or the gains of each. With
             gains at which friction holds the machine there are no slopes: one start may not be enough.
         continuation: factors by which dry friction is smoothed more widely at first, from wide to narrow,
-            ``(30, 6)``: a joint that sticks has no slopes.
+            ``(30, 6)``, where stick-slip makes the cost rugged. What friction holds throughout has no slopes
+            by that either; more starts help.
         reading: that follows the reference, where the controller is of the whole machine.
         budget: seconds of search, after which the best so far is returned; compilation is not interrupted.
         steps, seed: most steps of a start; seed of the Latin hypercube.

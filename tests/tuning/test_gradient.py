@@ -1,0 +1,109 @@
+"""Derivatives through whole closed loops (dry friction, saturation, sampled controller, noise) beside finite
+differences, for scenarios side by side.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bench
+from oracles.bench import built
+
+import jaxmuscle as jm
+from jaxmuscle.control import PID, feedback_on
+from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_joint
+from jaxmuscle.tuning.cases import stacked
+from jaxmuscle.tuning.evaluation import Evaluation, Rig
+from jaxmuscle.tuning.gains import gains_of
+from jaxmuscle.tuning.objective import Objective
+
+STEP, SAMPLES, SIZE = 2e-3, 150, 1e-5
+TIMES = np.arange(SAMPLES) * STEP
+JOINT, TURN = robot_joint(0.64), built(PID, 3e6, 1e7, 3e5)
+REST = {"pressure": np.full(2, bench.AMBIENT + MEAN_PRESSURE)}
+SIZES = {
+    "tracking": 0.01,
+    "peak": 0.03,
+    "overshoot": 0.02,
+    "settling": 0.1,
+    "effort": 1e5,
+    "variation": 3e6,
+}
+LOOP = feedback_on(JOINT, TURN)
+
+
+@pytest.fixture(scope="module")
+def evaluation():
+    references = [0.3 * np.sin(9 * TIMES), np.where(TIMES < 0.1, 0.0, 0.3)]
+    scenarios = jm.tuning.grid(references, TIMES, {"inertia": [0.5, 0.9]}, start=REST, noise={"angle": 2e-4})
+    cases = stacked(JOINT, scenarios, "angle", ["a scenario"] * 4)
+    sizes = {name: jnp.asarray(size) for name, size in SIZES.items()}
+    gains = gains_of(TURN, None, None)
+    objective = Objective(sizes, None, "angle", LOOP.rest)
+    rig = Rig(JOINT, gains.movable, LOOP, objective, None, cases.step, cases.samples)
+    return Evaluation(rig, gains.unknowns, cases, (0, 1, 2, 3), 1.0)
+
+
+@pytest.mark.parametrize("order", [1.0, 4.0], ids=["mean", "worst"])
+def test_slopes_of_the_cost_equal_finite_differences(evaluation, order):
+    both = dataclasses.replace(evaluation, order=order)
+    at = both.unknowns.coordinates(both.unknowns.start)
+    here, random = both(at[None])[0], np.random.default_rng(1)
+    directions = random.standard_normal((10, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for direction in directions:
+        up, down = both(np.stack([at + SIZE * direction, at - SIZE * direction]))
+        difference = (up.cost - down.cost) / (2 * SIZE)
+        assert here.gradient @ direction == pytest.approx(
+            difference, abs=1e-7 * np.linalg.norm(here.gradient)
+        )
+    assert np.linalg.eigvalsh(here.matrix).min() > 0
+
+
+def test_the_runs_are_saturated_and_stick(evaluation):
+    seen = evaluation.seen(evaluation.unknowns.start, evaluation.rows)
+    assert (seen.commands.min(), seen.commands.max()) == (bench.AMBIENT, bench.AMBIENT + 2 * MEAN_PRESSURE)
+    still = np.diff(seen.readings["angle"], axis=1) == 0
+    slow = np.abs(np.diff(seen.readings["angle"], axis=1)) < 1e-9
+    assert still.any() or slow.any()
+
+
+def test_reverse_mode_gives_the_same(evaluation):
+    unknowns, few = evaluation.unknowns, dataclasses.replace(evaluation, rows=(1,))
+    at, found = unknowns.coordinates(unknowns.start), []
+    for function, squares in ((residuals, True), (sum_of_squares, False)):
+        objective = dataclasses.replace(evaluation.rig.objective, function=function, squares=squares)
+        own = dataclasses.replace(few, rig=dataclasses.replace(evaluation.rig, objective=objective))
+        assert own.forward == squares
+        found += own(at[None])
+    assert found[0].cost == pytest.approx(found[1].cost, rel=1e-12)
+    np.testing.assert_allclose(found[0].gradient, found[1].gradient, rtol=1e-8)
+
+
+def residuals(run, reference):
+    return 100 * (run.readings["angle"] - reference)
+
+
+def sum_of_squares(run, reference):
+    return jnp.sum(residuals(run, reference) ** 2)
+
+
+def test_a_wider_friction_is_smoother_and_has_its_slopes():
+    light = robot_joint(0.03)
+
+    def moved(gain, widening):
+        loop = feedback_on(light, built(PID, gain))
+        run = jm.control.closed_loop(
+            light, loop, 0.2 * np.sin(20 * TIMES), TIMES, start=REST, widening=widening
+        )
+        return run.readings["angle"]
+
+    runs = {widening: np.asarray(moved(3e5, widening)) for widening in (None, 1.0, 100.0)}
+    np.testing.assert_allclose(runs[1.0], runs[None], rtol=1e-12, atol=1e-15)
+    apart = np.abs(runs[100.0] - runs[1.0]).max() / np.ptp(runs[1.0])
+    assert 0.1 < apart < 1.0
+    _, slopes = jax.jvp(lambda gain: moved(gain, 100.0), (3e5,), (1.0,))
+    difference = (moved(300_003.0, 100.0) - moved(299_997.0, 100.0)) / 6.0
+    np.testing.assert_allclose(slopes, difference, rtol=1e-4, atol=1e-7 * float(jnp.abs(slopes).max()))
