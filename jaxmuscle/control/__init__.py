@@ -5,6 +5,7 @@ closes them over a machine.
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
+from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
@@ -18,6 +19,7 @@ __all__ = [
     "FuzzyPID",
     "IntegralInversePID",
     "JointModel",
+    "LinearQuadratic",
     "ProportionalForce",
     "Reference",
     "ScheduledPID",
@@ -25,4 +27,5 @@ __all__ = [
     "StaticCurve",
     "closed_loop",
     "feedback_on",
+    "linear_quadratic",
 ]
