@@ -77,6 +77,8 @@ class Blind:
         bristles: the distance over which dry friction builds up, 0 on a bench of sharp friction.
         shift: what a reading differs by from one without the truth, root mean square over its noise; the
             largest of all readings. Where a recorded column is imposed, without the truth but as recorded.
+        machine: true constants (SI).
+        effects: all that are there, declared or not.
     """
 
     recording: Recording
@@ -84,6 +86,8 @@ class Blind:
     noise: str
     bristles: float
     shift: float
+    machine: Mapping[str, float]
+    effects: Effects
 
 
 def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str] = ()) -> Blind:
@@ -110,7 +114,8 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     card = _card(rig, machine, declared, draw)
     columns = {name: columns[name] for name in card.columns if name in columns}
     recording = Recording(f"{rig}-{seed}", None, None, card, _clock(rig), STEPS[rig], columns)
-    return Blind(recording, truth, "coloured" if coloured else "white", bristles, shift)
+    kind = "coloured" if coloured else "white"
+    return Blind(recording, truth, kind, bristles, shift, machine, bench | truth)
 
 
 def _bristles(rig: str, effects: Set[str], draw: np.random.Generator) -> float:

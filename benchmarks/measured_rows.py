@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from published_rows import SEEN, Row, aside, at_most, row
+from published_rows import OWN, SEEN, Row, aside, at_most, row
 
 
 def drive_run(name: str, *, published: float, theirs: float, ours: float, fitted: bool) -> Row:
@@ -56,3 +56,54 @@ def extrapolated(folds: Sequence[Mapping[str, Any]]) -> str:
         f"the longest and the shortest length are extrapolated, to {errors[0]:.1f} and {errors[-1]:.1f} N; "
         f"those between are predicted to {between} N"
     )
+
+
+def closed_on_plant(effect: str, found: Mapping[str, Mapping[str, float]]) -> list[Row]:
+    """Tracking errors on a plant with an effect that the card does not name, beside two other controllers'.
+
+    `found`: "rule", "left out" (tuned on a model without the effect) and "diagnosed" → root mean square
+    "tracking" error and "effort", both over runs that no tuning has seen.
+    """
+    own, rule = found["diagnosed"], found["rule"]
+    share, effort = own["tracking"] / rule["tracking"], own["effort"] / rule["effort"]
+    against = row("Ziegler and Nichols", f"joint, hidden {effect}: tracking error tuned over by rule", "0.6",
+                  share, share <= 0.6 and effort <= 1.0, "", "at most, with no more effort",
+                  "unseen references and payloads, on the oracle of the rig",
+                  f"{share:.2f} of the error with {effort:.2f} of the effort")  # fmt: skip
+    without = own["tracking"] / found["left out"]["tracking"]
+    worth = row("the model without it", f"joint with hidden {effect}: tracking error tuned on the diagnosed "
+                "model over tuned without the effect", "1", without, without <= 1.0, "", "not more",
+                "what closing the loop with data is worth", "here it is worth nothing")  # fmt: skip
+    return [aside({**entry, "effort": effort}, OWN) for entry in (against, worth)]
+
+
+def faster(
+    gains: int, name: str, own: tuple[float, float], other: tuple[float, float], lead: float
+) -> list[Row]:
+    """A descent by derivatives beside a method without, to one cost that both reach.
+
+    `own`, `other`: evaluations and seconds, those of the descent with derivatives; `lead`: lowest cost of the
+    descent over the other's.
+    """
+    ratio, least = other[0] / own[0], 5 if gains >= 6 else 1
+    entry = row(name, f"{gains} gains: its evaluations over those of the descent", f"{least}", ratio,
+                ratio >= least, "", "at least", "the same simulations, to a cost that both reach",
+                f"lowest cost of the descent over its own: {lead:.3f}")  # fmt: skip
+    return [aside({**entry, "seconds_over": other[1] / own[1], "lowest_over": lead}, OWN)]
+
+
+def slopes_agree(errors: Sequence[float]) -> list[Row]:
+    """Directional derivatives beside central differences, errors relative to the length of the gradient."""
+    worst, middle = max(errors), sorted(errors)[len(errors) // 2]
+    entry = row("finite differences", f"largest error of {len(errors)} directional derivatives", "1e-05",
+                worst, worst <= 1e-5, "", "at most", "of the gradient's length",
+                "a direction crosses a kink of friction or of a limit")  # fmt: skip
+    return [aside({**entry, "median": middle}, OWN)]
+
+
+def gradient_speed(scenarios: int, first: float, next_ones: float) -> list[Row]:
+    """Time of a cost with its gradient, with and without compilation [s]."""
+    compiling = first - next_ones
+    entry = row("compilation", f"cost, gradient and curvature of 6 gains, {scenarios} scenarios of 3 s", "8",
+                compiling, compiling <= 8, "s", "at most", "of the program; shared cores")  # fmt: skip
+    return [aside({**entry, "seconds_once_compiled": next_ones}, OWN)]

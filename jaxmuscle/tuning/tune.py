@@ -117,6 +117,31 @@ def tune(
     begin = time.monotonic()
     steps, seed = whole(steps, "steps", 1), whole(seed, "seed", 0)
     deadline, wide = begin + seconds(budget, "budget"), factors(continuation, "continuation")
+    evaluation = prepared(
+        actuator, controller, scenarios, objective, held_out, free, bounds, worst, bool(wide), reading
+    )
+    points = _points(evaluation.unknowns, starts, seed)
+    search = Search(evaluation, steps, deadline, solver, progress, begin)
+    lanes = search.from_points(points, wide)
+    return concluded(evaluation, best(lanes), search.told, search.count, time.monotonic() - begin, controller)
+
+
+def prepared(
+    actuator: AbstractActuator,
+    controller: Any,
+    scenarios: Scenario | Sequence[Scenario],
+    objective: Given | None = None,
+    held_out: Sequence[Scenario] = (),
+    free: Sequence[str] | None = None,
+    bounds: Mapping[str, Bounds] | None = None,
+    worst: float = 1.0,
+    widened: bool = False,
+    reading: str | None = None,
+) -> Evaluation:
+    """What :func:`tune` minimises, as a function of coordinates; arguments and errors are its own.
+
+    `widened`: whether dry friction can be smoothed more widely.
+    """
     if not (isinstance(worst, int | float) and 1 <= worst < math.inf):
         raise InputError(f"worst: expected a number from 1 (the mean) on; got {worst!r}")
     training, unseen = _scenarios(scenarios, "scenarios"), _scenarios(held_out, "held_out")
@@ -138,16 +163,12 @@ def tune(
         gains.movable,
         attached,
         goal,
-        jnp.ones(()) if wide else None,
+        jnp.ones(()) if widened else None,
         all_of_them.step,
         all_of_them.samples,
     )
     rig = dataclasses.replace(rig, objective=_with_form(rig, all_of_them))
-    evaluation = Evaluation(rig, gains.unknowns, all_of_them, rows, float(worst))
-    points = _points(gains.unknowns, starts, seed)
-    search = Search(evaluation, steps, deadline, solver, progress, begin)
-    lanes = search.from_points(points, wide)
-    return concluded(evaluation, best(lanes), search.told, search.count, time.monotonic() - begin, controller)
+    return Evaluation(rig, gains.unknowns, all_of_them, rows, float(worst))
 
 
 def _scenarios(given: Any, where: str) -> list[Scenario]:

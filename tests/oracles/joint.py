@@ -22,8 +22,12 @@ from oracles.muscle import (
 from oracles.stepping import runge_kutta
 
 
-def joint(card, effects, command, step, pressure, angle, substeps):
-    """Pressures 1 and 2 of the muscles, angle, angular velocity at the samples, from rest."""
+def joint(card, effects, command, step, pressure, angle, substeps, controller=None):
+    """Pressures 1 and 2 of the muscles, angle, angular velocity at the samples, from rest.
+
+    A `controller` (pressure 1, pressure 2, angle at a sample) → commands takes the place of `command`, of
+    which only the number of samples is used then; what it gives acts at once.
+    """
 
     def value(effect, parameter):
         return effects.get(effect, {}).get(parameter, 0.0)
@@ -85,10 +89,12 @@ def joint(card, effects, command, step, pressure, angle, substeps):
     h, end = step / substeps, card["initial_contraction"] * length / radius
     settled = [strain for strain in strains(angle) for _ in range(2)]
     state = [*pressure, 0.0, 0.0, *pressure, angle, 0.0, *settled]
-    plays, samples = [[strain] * len(THRESHOLDS) for strain in strains(angle)], []
+    plays, samples, given = [[strain] * len(THRESHOLDS) for strain in strains(angle)], [], None
     for index, told in enumerate(acting(effects, command, np.asarray(pressure), step, substeps)):
         if index % substeps == 0:
             samples.append(state[4:8])
+            given = controller(*state[4:7]) if controller else None
+        told = told if given is None else given
         time, theta, w = index * h, state[6], state[7]
         up, down = torque(state, time, 1.0), torque(state, time, -1.0)
         sense = np.sign(w) or (1.0 if up > 0 else -1.0)
