@@ -140,7 +140,7 @@ def proved(blind: Blind, controllers: Mapping[str, PID]) -> dict[str, Proved]:
 
 
 def plant_rows() -> Iterator[Row]:
-    """Tracking errors on the plant: by the rule, tuned without the hidden effect, tuned on what is diagnosed."""
+    """Tracking errors on the plant: by the rule, tuned without the effect, and with what is found."""
     for seed, effect in HIDDEN.items():
         blind = drawn(seed, "joint", 1, False, [effect])
         diagnosis = jm.diagnose(blind.recording)

@@ -28,7 +28,7 @@ MOST = 1500
 """Costs that a method without gradients may ask for."""
 NEAR = 1.02
 """Cost, over a goal, at which a method has arrived."""
-STARTS = 4
+STARTS = 8
 SEEDS = (1, 2, 3)
 
 
@@ -135,8 +135,8 @@ def race_rows() -> Iterator[Row]:
     """
     for gains in (3, 6):
         own, rivals = descent(gains), others(gains)
-        print(f"    {gains} gains, descent: lowest cost {min(own.costs):.4g} in {len(own.costs)} evaluations, "
-              f"{own.seconds[-1]:.2f} s")  # fmt: skip
+        print(f"    {gains} gains, descent: lowest cost {min(own.costs):.4g} in {len(own.costs)} "
+              f"evaluations, {own.seconds[-1]:.2f} s")  # fmt: skip
         for name, race in rivals.items():
             goal = NEAR * max(min(race.costs), min(own.costs))
             print(f"    {gains} gains, {name}: lowest cost {min(race.costs):.4g} in {len(race.costs)} "

@@ -27,7 +27,8 @@ class Scenario:
             one row a sample; or a function of time [s], such as ``jaxmuscle.commands.Sine(…)``.
         times: sampling instants [s], uniform; all scenarios of a tuning have the same step.
         changes: parameter of the machine → its value here (SI), by path or card name: "inertia",
-            "load_friction.force"; the others stay as they are.
+            "load_friction.force", "command_delay.delay" of a machine that has the effect; the others stay
+            as they are.
         start: measured states at the first sample, as for :func:`jaxmuscle.simulate`.
         noise: reading → standard deviation of white noise that the controller sees on it (SI).
         resolution: reading → step to which the controller sees it rounded (SI).

@@ -49,7 +49,7 @@ def tune(
     free: Sequence[str] | None = None,
     bounds: Mapping[str, Bounds] | None = None,
     worst: float = 1.0,
-    starts: int | Sequence[Mapping[str, float]] = 4,
+    starts: int | Sequence[Mapping[str, float]] = 8,
     continuation: Sequence[float] = (),
     reading: str | None = None,
     budget: float | None = None,
@@ -66,18 +66,7 @@ def tune(
     residuals from forward passes; more, or under a cost that is one number, by BFGS, with gradients from one
     pass back. Scenarios that are held out take no part in it and have the last word.
 
-    ::
-
-        joint, times = jm.robot.robot_joint(inertia=0.64), np.arange(0, 3, 2e-3)
-        pid = jm.control.PID(proportional=1e5, integral=1e5, derivative=1e4)
-        practice = jm.tuning.grid(0.3 * np.sin(2 * times), times, {"inertia": [0.5, 0.64, 0.9]})
-        unseen = jm.tuning.grid(np.where(times < 0.5, 0.0, 0.4), times, {"inertia": [0.6, 1.0]})
-        sizes = {"tracking": np.deg2rad(1), "variation": 3e6}
-        tuned = jm.tune(joint, pid, practice, sizes, held_out=unseen)
-        print(tuned)
-        tuned.plot()
-        tuned.save("gains.toml")
-        jm.control.closed_loop(joint, jm.control.feedback_on(joint, tuned.controller), …)
+    :mod:`jaxmuscle.tuning` shows a whole script.
 
     Args:
         controller: of one reading, which :func:`~jaxmuscle.control.feedback_on` puts on the rig's channel; an
