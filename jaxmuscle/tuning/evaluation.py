@@ -182,8 +182,16 @@ class Evaluation:
 
     def cost(self, seen: Seen) -> float:
         """The cost that runs together have; infinite where one is not finite."""
-        cost = np.asarray(seen.cost)
-        return float(np.mean(cost**self.order) ** (1 / self.order)) if np.isfinite(cost).all() else np.inf
+        costs = np.asarray(seen.cost)
+        if not np.isfinite(costs).all():
+            return np.inf
+        largest = _largest(costs)
+        return largest * float(np.mean((costs / largest) ** self.order)) ** (1 / self.order)
+
+
+def _largest(costs: Vector) -> float:
+    """By which costs are divided before they are raised to a power: a number of any size stays one."""
+    return max(float(costs.max()), 1e-300)
 
 
 def _together(parts: Sequence[NDArray], slopes: Vector, order: float) -> Local:
@@ -197,7 +205,7 @@ def _together(parts: Sequence[NDArray], slopes: Vector, order: float) -> Local:
     if not (np.isfinite(costs).all() and np.isfinite(gradients).all()):
         size = len(slopes)
         return Local(np.inf, np.full(size, np.nan), np.full((size, size), np.nan), 1)
-    largest = max(float(costs.max()), 1e-300)
+    largest = _largest(costs)
     shares = (costs / largest) ** (order - 1)
     mean = float(np.mean((costs / largest) ** order)) or 1e-300
     cost = largest * mean ** (1 / order)

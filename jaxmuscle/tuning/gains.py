@@ -82,7 +82,19 @@ def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, B
         array = np.asarray(jax.tree.leaves(controller)[leaf], dtype=float)
         place = dataclasses.replace(place, path=name, name=name, value=float(array[index]))
         entries.append(_unknown(place, within.get(name, (None, None)), array))
-    return Gains(Movable(controller, tuple(known[name][:2] for name in chosen)), Unknowns(entries))
+    return Gains(movable(controller, chosen), Unknowns(entries))
+
+
+def movable(controller: Any, chosen: Sequence[str]) -> Movable:
+    """A controller of which the numbers of these names are free.
+
+    Raises:
+        InputError: it has no number of some name.
+    """
+    known = _numbers(controller)
+    for name in chosen:
+        _resolved(known, name, "gains")
+    return Movable(controller, tuple(known[name][:2] for name in chosen))
 
 
 Known = dict[str, tuple[int, tuple[int, ...], str]]
@@ -125,7 +137,8 @@ def _unknown(place: Parameter, bounds: Bounds, whole: Any) -> Unknown:
     floor = 0.0 if place.positive or place.nonnegative else -math.inf
     lower = floor if bounds[0] is None else max(bounds[0], floor)
     upper = math.inf if bounds[1] is None else bounds[1]
-    within = f"{lower:g} to {upper:g} {place.unit}".rstrip()
+    # Without a rig the unit of a gain may still be a template.
+    within = f"{lower:g} to {upper:g} {'' if '{' in place.unit else place.unit}".rstrip()
     if not lower < upper:
         raise InputError(f"bounds of {name}: expected a lower one below the upper one; got {within}")
     if not lower <= start <= upper or (place.positive and start <= 0):

@@ -21,7 +21,7 @@ from jaxmuscle.estimation.serialization import as_toml, plain, restored
 from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.formatting import aligned, quantity, rounded
 from jaxmuscle.tuning.figure import plot
-from jaxmuscle.tuning.gains import gains_of
+from jaxmuscle.tuning.gains import movable
 from jaxmuscle.tuning.judged import Gain, Judged
 
 
@@ -75,7 +75,7 @@ class Tuning:
             InputError: it has no gain of some name.
         """
         inner = controller.controller if isinstance(controller, Attached) else controller
-        tuned = gains_of(inner, list(self.gains), None).movable.at(list(self.values.values()))
+        tuned = movable(inner, list(self.gains)).at(list(self.values.values()))
         if isinstance(controller, Attached):
             return eqx.tree_at(lambda loop: loop.controller, controller, tuned)
         return tuned

@@ -80,7 +80,7 @@ def drawn(
 
 
 def sample(fit: FitData, count: int, seed: int = 0) -> list[dict[str, float]]:
-    """Draws of the fitted parameters of a machine from their covariance, name → value (SI).
+    """Draws of the fitted parameters of a machine from their covariance, path → value (SI).
 
     Normal; of positive parameters the logarithm is, with the standard deviation std/value. What falls beyond
     a bound of the fit is set to it. Parameters without a finite standard deviation keep their values.

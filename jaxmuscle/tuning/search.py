@@ -20,8 +20,6 @@ from jaxmuscle.tuning.evaluation import Evaluation
 
 NEAR, NOTICEABLE = 1e-4, 1e-3
 """Relative fall of the cost that is expected at most at a minimum; that eight steps have to bring."""
-EXACT = 1e-12
-"""Cost, relative to that at the start, below which nothing is left to be tuned."""
 ELSEWHERE, FURTHEST, KEPT = 16, 1e-4, 3
 """Points that are tried where a loop runs away at every start: how many, with gains how many times as large
 at least, and from how many of them a descent begins."""
@@ -78,9 +76,11 @@ class Search:
 
         limits = dataclasses.replace(self.limits, lanes=len(points))
         lanes = descend(evaluate, points, limits, tell=tell)
-        failed = sum(lane.code == FAILED for lane in lanes)
-        if failed and failed < len(lanes):
-            self.told.append(f"At {failed} of {len(lanes)} starts the loop ran away; they were given up.")
+        failed = [lane.code == FAILED for lane in lanes]
+        if any(failed) and not all(failed):
+            own = f"The loop is unstable at its start gains: {_runs_away(evaluation, lanes[0].start)}. "
+            many = f"At {sum(failed)} of {len(lanes)} starts the loop ran away; they were given up."
+            self.told.append((own if failed[0] else "") + many)
         return lanes
 
     def _elsewhere(self, evaluation: Evaluation, points: NDArray) -> NDArray:

@@ -12,6 +12,7 @@ from oracles.bench import built
 from scipy.optimize import minimize
 
 import jaxmuscle as jm
+from jaxmuscle import control
 from jaxmuscle.control import PID, closed_loop, feedback_on
 from jaxmuscle.errors import InputError
 
@@ -99,6 +100,10 @@ def test_what_is_saved_is_read_back(tuned, tmp_path):
     again = back.put_into(feedback_on(fan(), CONTROLLER)).controller
     assert jax.tree.all(jax.tree.map(lambda a, b: bool(a == b), again, tuned.controller))
     assert len(back.plot().axes) == 6
+    bare = back.put_into(built(PID, 0.0))
+    assert (float(bare.proportional), float(bare.integral)) == tuple(tuned.values.values())
+    with pytest.raises(InputError, match="gains: unknown gain 'proportional'"):
+        back.put_into(built(control.ProportionalForce))
     other = tmp_path / "other.toml"
     other.write_text("kind = 'jaxmuscle fit'\n")
     with pytest.raises(InputError, match="not a tuning"):
@@ -164,6 +169,15 @@ def test_a_loop_that_runs_away_is_begun_at_smaller_gains():
     assert all(np.isfinite(value) for value in found.values.values())
     assert any("unstable at its start gains: in scenario 0 the speed" in note for note in found.notes)
     assert "not finite to" in str(found)
+
+
+def test_a_start_that_runs_away_beside_others_is_given_up_and_told():
+    free = dataclasses.replace(feedback_on(fan(), built(PID, 3e3, 1e3)), lowest=-np.inf, highest=np.inf)
+    starts = [{"proportional": 3e3}, {"proportional": 0.05, "integral": 0.1}]
+    found = jm.tune(fan(), free, PRACTICE[:2], SIZES, starts=starts)
+    assert np.isfinite(found.after.cost) and np.isinf(found.before.cost)
+    (note,) = (note for note in found.notes if "given up" in note)
+    assert "unstable at its start gains: in scenario 0 the speed" in note and "At 1 of 2 starts" in note
 
 
 def test_a_loop_that_runs_away_everywhere_is_told():
