@@ -19,6 +19,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.robot import robot_joint
 from jaxmuscle.tuning import Scenario, drawn, grid, sample
 from jaxmuscle.tuning.cases import Sensed, Told, stacked
+from jaxmuscle.tuning.tune import prepared
 
 TIMES = STEP * np.arange(40)
 UP = np.where(TIMES < 0.1, 150.0, 160.0)
@@ -71,11 +72,15 @@ def test_a_sample_of_a_fit_has_its_covariance():
 def test_a_shorter_scenario_costs_what_it_costs_alone():
     short, long = Scenario(UP[:20], TIMES[:20], start=START), Scenario(UP, TIMES, start=START)
     sizes = dict.fromkeys(jm.tuning.TERMS, 1.0)
-    alone = jm.tune(fan(), CONTROLLER, short, sizes, starts=1, steps=1).before
-    both = jm.tune(fan(), CONTROLLER, [long, short], sizes, starts=1, steps=1).before
-    for name, value in alone.terms.iloc[0].items():
-        assert both.terms[name].iloc[1] == pytest.approx(value, rel=1e-9, abs=1e-12)
-    assert both.terms["cost"].iloc[0] != pytest.approx(both.terms["cost"].iloc[1])
+    found = []
+    for scenarios in ([short, short], [long, short]):
+        evaluation = prepared(fan(), CONTROLLER, scenarios, sizes)
+        found.append(evaluation.seen([0.05, 0.1], [0, 1]))
+    alone, both = found
+    for name, values in {"cost": alone.cost, **alone.terms}.items():
+        beside = both.cost if name == "cost" else both.terms[name]
+        assert beside[1] == pytest.approx(values[1], rel=1e-9, abs=1e-12)
+    assert both.cost[0] != pytest.approx(both.cost[1])
 
 
 class Echo(eqx.Module):
