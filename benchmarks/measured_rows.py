@@ -70,11 +70,12 @@ def closed_on_plant(effect: str, found: Mapping[str, Mapping[str, float]]) -> li
                   share, share <= 0.6 and effort <= 1.0, "", "at most, with no more effort",
                   "unseen references and payloads, on the oracle of the rig",
                   f"{share:.2f} of the error with {effort:.2f} of the effort")  # fmt: skip
-    without = own["tracking"] / found["left out"]["tracking"]
+    bare = found["left out"]
+    without, less = own["tracking"] / bare["tracking"], own["effort"] / bare["effort"]
     worth = row("the model without it", f"joint with hidden {effect}: tracking error tuned on the diagnosed "
                 "model over tuned without the effect", "1", without, without <= 1.0, "", "not more",
-                "what closing the loop with data is worth", "here it is worth nothing")  # fmt: skip
-    return [aside({**entry, "effort": effort}, OWN) for entry in (against, worth)]
+                "what closing the loop with data is worth", f"with {less:.2f} of the effort")  # fmt: skip
+    return [aside({**against, "effort_over": effort}, OWN), aside({**worth, "effort_over": less}, OWN)]
 
 
 def faster(

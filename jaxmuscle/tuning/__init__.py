@@ -19,10 +19,10 @@ A machine, a controller with gains to begin with, scenarios to tune on and other
 fit leaves them open with ``jm.tuning.drawn(references, times, jm.tuning.sample(fit, 20))``.
 """
 
+from jaxmuscle.tuning.cost_terms import TERMS
 from jaxmuscle.tuning.judged import Gain, Judged
-from jaxmuscle.tuning.objective import TERMS
-from jaxmuscle.tuning.result import Tuning
 from jaxmuscle.tuning.scenarios import Scenario, drawn, grid, sample
 from jaxmuscle.tuning.tune import tune
+from jaxmuscle.tuning.tuning_result import Tuning
 
 __all__ = ["TERMS", "Gain", "Judged", "Scenario", "Tuning", "drawn", "grid", "sample", "tune"]

@@ -23,8 +23,8 @@ from jaxmuscle.optimization.levenberg_marquardt import Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
 from jaxmuscle.tuning.cases import Case, Sensed, Stacked, target_of
+from jaxmuscle.tuning.cost_terms import Objective
 from jaxmuscle.tuning.gains import Movable
-from jaxmuscle.tuning.objective import Objective
 
 MOST_FORWARD = 60
 """Free gains up to which the derivatives of residuals are computed, one pass forward for each of them."""

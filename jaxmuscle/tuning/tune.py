@@ -23,13 +23,13 @@ from jaxmuscle.estimation.request import Bounds, factors, seconds, whole
 from jaxmuscle.estimation.starting_points import given_starts, spread_starts
 from jaxmuscle.optimization.levenberg_marquardt import best
 from jaxmuscle.tuning.cases import Stacked, stacked, target_of
-from jaxmuscle.tuning.conclusion import concluded
+from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
-from jaxmuscle.tuning.objective import Given, Objective, sizes_of
-from jaxmuscle.tuning.result import Tuning
+from jaxmuscle.tuning.last_word import concluded
 from jaxmuscle.tuning.scenarios import Scenario
 from jaxmuscle.tuning.search import Search
+from jaxmuscle.tuning.tuning_result import Tuning
 
 SMALL = 0.01
 """Root mean square error that costs one where no objective is given, of the range of the references."""

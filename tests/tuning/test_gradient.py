@@ -16,9 +16,9 @@ import jaxmuscle as jm
 from jaxmuscle.control import PID, feedback_on
 from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_joint
 from jaxmuscle.tuning.cases import stacked
+from jaxmuscle.tuning.cost_terms import Objective
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
-from jaxmuscle.tuning.objective import Objective
 from jaxmuscle.tuning.tune import prepared
 
 STEP, SAMPLES, SIZE = 2e-3, 150, 1e-5

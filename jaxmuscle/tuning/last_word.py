@@ -17,10 +17,10 @@ from jaxmuscle.estimation.free_parameters import at_bound, settled
 from jaxmuscle.formatting import quantity
 from jaxmuscle.optimization.levenberg_marquardt import BUDGET, FAILED, STEPS, Lane
 from jaxmuscle.tuning.cases import target_of
+from jaxmuscle.tuning.cost_terms import TERMS, units
 from jaxmuscle.tuning.evaluation import MOST_FORWARD, Evaluation, Seen
 from jaxmuscle.tuning.judged import Gain, Judged
-from jaxmuscle.tuning.objective import TERMS, units
-from jaxmuscle.tuning.result import Tuning
+from jaxmuscle.tuning.tuning_result import Tuning
 
 CHANGE = 0.1
 """Relative change of a gain by which its sensitivity is told."""
