@@ -74,3 +74,33 @@ def test_where_the_error_of_lengths_left_out_arises(benchmark):
     folds = [{"after": error} for error in (42.77, 15.33, 11.09, 20.9)]
     said = benchmark("measured_rows").extrapolated(folds)
     assert "to 42.8 and 20.9 N" in said and "predicted to 15.3 and 11.1 N" in said
+
+
+def test_gains_on_a_plant_are_counted_as_our_own_and_judged_with_their_effort(benchmark):
+    rows, table = benchmark("measured_rows"), benchmark("published_rows")
+    rule, own = {"tracking": 1.0, "effort": 10.0}, {"tracking": 0.5, "effort": 11.0}
+    found = rows.closed_on_plant(
+        "gravity", {"rule": rule, "left out": {**own, "effort": 22.0}, "diagnosed": own}
+    )
+    assert [entry["ok"] for entry in found] == [False, True]  # half the error, but with more effort
+    assert (found[0]["effort_over"], found[1]["effort_over"]) == (1.1, 0.5)
+    assert table.counts(found)["of"] == 0 and table.counts(found)["aside"] == {
+        table.OWN: {"reached": 1, "of": 2}
+    }
+    cheaper = {**own, "effort": 10.0}
+    assert rows.closed_on_plant("gravity", {"rule": rule, "left out": own, "diagnosed": cheaper})[0]["ok"]
+
+
+@pytest.mark.parametrize(
+    ("gains", "evaluations", "ok"), [(3, 90, False), (3, 100, True), (6, 490, False), (6, 500, True)]
+)
+def test_a_descent_has_to_be_as_quick_as_its_number_of_gains_asks(benchmark, gains, evaluations, ok):
+    (entry,) = benchmark("measured_rows").faster(gains, "simplex", (100, 2.0), (evaluations, 5.0), 0.9)
+    assert entry["ok"] == ok and entry["seconds_over"] == 2.5
+
+
+def test_slopes_and_compilation_have_their_limits(benchmark):
+    rows = benchmark("measured_rows")
+    assert rows.slopes_agree([1e-9, 1e-8])[0]["ok"] and not rows.slopes_agree([1e-9, 1e-3])[0]["ok"]
+    (quick,), (slow,) = rows.gradient_speed(10, 9.0, 2.0), rows.gradient_speed(10, 11.0, 2.0)
+    assert quick["ok"] and quick["ours"] == 7.0 and not slow["ok"]
