@@ -136,6 +136,13 @@ def _form(state: Any) -> Any:
     return jax.tree.structure(state), [jnp.shape(leaf) for leaf in jax.tree.leaves(state)]
 
 
+def _called(controller: Any) -> str:
+    """The class of a controller, or of the one within it."""
+    while hasattr(controller, "controller"):
+        controller = controller.controller
+    return type(controller).__name__
+
+
 @eqx.filter_jit
 def _closed(
     actuator: AbstractActuator,
@@ -162,7 +169,7 @@ def _closed(
             raise InputError(f"expected a command of shape {width}; the controller gave {jnp.shape(command)}")
         if _form(after) != _form(state):
             raise InputError(
-                f"{type(controller).__name__}: expected update to give a state of the form that start() has, "
+                f"{_called(controller)}: expected update to give a state of the form that start() has, "
                 f"{_form(state)}; got {_form(after)}"
             )
         return as_arrays(after), command

@@ -209,7 +209,7 @@ class WholeMachine(eqx.Module):
         (TURN, {"budget": -1.0}, "budget: expected a number of seconds"),
         (SLIDING, {}, "SlidingMode: expected a control.Reference"),
         (Wide(jnp.ones(())), {}, r"Wide: expected an output of one number, shape \(\); got shape \(3,\)"),
-        (Growing(jnp.ones(())), {}, "Growing|expected update to give a state of the form that start"),
+        (Growing(jnp.ones(())), {}, "Growing: expected update to give a state of the form that start"),
         (WholeMachine(jnp.ones(())), {}, r"expected a command of shape \(2,\); the controller gave \(3,\)"),
         (object(), {}, "expected an object with the methods start and update; got object"),
     ],
