@@ -142,7 +142,7 @@ def _held(a: Matrix, b: Matrix, step: float) -> tuple[Matrix, Matrix]:
     size = len(a)
     both = np.zeros((size + 1, size + 1))
     both[:size, :size], both[:size, size] = a, b
-    whole = expm(step * both)
+    whole = np.asarray(expm(step * both), dtype=float)
     return whole[:size, :size], whole[:size, size]
 
 

@@ -191,24 +191,25 @@ class Workbench:
         problem: Problem,
         steps: int,
         slow: float = 0.0,
-        factors: Factors | None = None,
     ) -> Fitted:
         """:meth:`fit` with what the fitted model itself leaves counted as uncertainty beside the noise.
 
         A model that lacks something would else be bent away from its priors, which thousands of readings
-        outweigh. Weights and fit are found by turns, from the weights of `model`, or `factors`.
+        outweigh. Weights and fit are found by turns, from the weights of `model`.
         """
-        factors = factors or _factors(self.discrepancies(model, problem))
-        for _ in range(REWEIGHTINGS):
-            model, lane = self.fit(model, effects, problem.reweighted(factors), steps, slow)
-            left = self.discrepancies(model, problem)
+        factors = _factors(self.discrepancies(model, problem))
+        model, lane = self.fit(model, effects, problem.reweighted(factors), steps, slow)
+        left = self.discrepancies(model, problem)
+        for _ in range(REWEIGHTINGS - 1):
             before, factors = factors, _factors(left)
             if all(np.allclose(np.log(before[o]), np.log(factors[o]), rtol=0, atol=ALIKE) for o in factors):
                 break
+            model, lane = self.fit(model, effects, problem.reweighted(factors), steps, slow)
+            left = self.discrepancies(model, problem)
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
         cost = sum(each.cost for columns in left.values() for each in columns)
-        return Fitted(model, lane, factors, cost + 0.5 * float((far**2).sum()))
+        return Fitted(model, lane, _factors(left), cost + 0.5 * float((far**2).sum()))
 
     def fit(
         self,

@@ -185,14 +185,13 @@ def _with_own_weights(
     task: Search, by_sensors: Objective, lanes: list[Lane], limits: Limits, counted: _Counter
 ) -> tuple[Objective, list[Lane]]:
     """The objective with weights from the residuals that it leaves, and where it has its minimum."""
+    objective = by_sensors
     for _ in range(ROUNDS):
         winner, (points, failed) = winner_of(lanes), ends(lanes)
         objective = task.reweighed(by_sensors, winner.u)
-        if time.monotonic() > task.deadline:
-            winner.code = BUDGET
-            break
         lanes = descend_distinct(objective, points, failed, limits, counted.on("weights from residuals"))
-        if np.allclose(winner_of(lanes).u, winner.u, rtol=0, atol=SAME):
+        same = np.allclose(winner_of(lanes).u, winner.u, rtol=0, atol=SAME)
+        if same or time.monotonic() > task.deadline:
             break
     return objective, lanes
 

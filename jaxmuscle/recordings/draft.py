@@ -106,8 +106,8 @@ class Draft:
                 for name, guess in self._measured()
             ),
             "",
-            "# [fit]",
-            '# horizon = { value = 1, unit = "s" }  # predict in windows of this length',
+            "[fit]",
+            'horizon = { value = 1, unit = "s" }  # predict in windows of this length',
         ]
         return "\n".join(lines) + "\n"
 

@@ -48,9 +48,8 @@ def measured(seconds=24.0):
 
 @pytest.fixture(scope="module")
 def recording():
-    found = jm.recording(
-        Drive(mass=MASS, gain=GAIN), measured(), STEP, noise={"position": NOISE}, horizon=0.8
-    )
+    machine = Drive(mass=MASS, gain=GAIN)  # pyright: ignore[reportArgumentType]
+    found = jm.recording(machine, measured(), STEP, noise={"position": NOISE}, horizon=0.8)
     return dataclasses.replace(found, card=found.card.updated({"mass": (1.1 * MASS, 0.3 * MASS)}))
 
 

@@ -59,7 +59,7 @@ def test_slopes_of_the_cost_equal_finite_differences(evaluation, order):
         up, down = both(np.stack([at + SIZE * direction, at - SIZE * direction]))
         difference = (up.cost - down.cost) / (2 * SIZE)
         assert here.gradient @ direction == pytest.approx(
-            difference, abs=1e-7 * np.linalg.norm(here.gradient)
+            difference, abs=1e-7 * float(np.linalg.norm(here.gradient))
         )
     assert np.linalg.eigvalsh(here.matrix).min() > 0
 
