@@ -50,8 +50,8 @@ def search(
     Two short fits are made, from the fitted model and from the values of the card, and the better one is
     carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
     of its own. Each begins where the cost is least among several strengths of several shapes, with the
-    weights of the `present` model. Where both remove too little (:data:`HOPE`) the search ends, with an
-    infinite cost; else it goes on with weights from what is left.
+    weights of the `present` model. Where both remove too little (:data:`HOPE`) the search ends without
+    hope; else it goes on with weights from what is left.
     """
     names = [*accepted, effect.name]
     work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
@@ -66,7 +66,7 @@ def search(
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
     excess = 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
     if minimum.cost > present.lane.cost - HOPE * max(0.5 * excess, 0.0):
-        return Fitted(best, minimum, present.factors, math.inf)
+        return Fitted(best, minimum, present.left, 0.0, hopeful=False)
     return bench.settled(best, names, problem, LONG_STEPS, SLOW)
 
 

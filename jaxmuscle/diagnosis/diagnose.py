@@ -17,7 +17,7 @@ from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
-from jaxmuscle.diagnosis.forward_selection import begun
+from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
@@ -126,20 +126,20 @@ def _diagnosed(
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     bench = workbench(prepared, candidates)
     meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
-    seeking = begun(prepared, bench, meter)
-    declared = seeking.model
-    seeking.seek()
+    selection = forward_selection(prepared, bench, meter)
+    declared = selection.model
+    selection.seek()
     meter.skip_to(CONCLUSION, "predicting the held-out data")
     outcome = Outcome(
         declared,
-        seeking.model,
-        tuple(seeking.found),
-        tuple(seeking.rounds),
-        seeking.folds,
-        seeking.converged,
+        selection.model,
+        tuple(selection.found),
+        tuple(selection.rounds),
+        selection.folds,
+        selection.converged,
         masks,
     )
-    return conclude(prepared, bench, seeking.training, outcome, begin)
+    return conclude(prepared, bench, selection.training, outcome, begin)
 
 
 def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.bool_]]:

@@ -111,7 +111,7 @@ class ForwardSelection:
         self.meter.did(REFIT, f"looking whether the model with {best.name} lacks anything else")
 
 
-def begun(case: Case, bench: Workbench, meter: Meter) -> ForwardSelection:
+def forward_selection(case: Case, bench: Workbench, meter: Meter) -> ForwardSelection:
     """The declared model fitted, before anything is added."""
     parts = case.training.in_parts(PARTS)
     meter.did(0.0, "fitting the declared model")

@@ -7,7 +7,6 @@ long a time that few stretches tell it apart from none.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -23,7 +22,7 @@ from jaxmuscle.diagnosis.ranking import (
     judged_all,
     round_work,
 )
-from jaxmuscle.diagnosis.workbench import Fitted, Workbench
+from jaxmuscle.diagnosis.workbench import Fitted, Workbench, best_of
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -58,9 +57,10 @@ def best_pair(
         return None
     meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
     pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]
-    effects, found = min(pairs, key=lambda pair: pair[1].cost)
-    if not math.isfinite(found.cost):
+    hopeful = [pair for pair in pairs if pair[1].hopeful]
+    if not hopeful:
         return None
+    effects, found = hopeful[best_of([fitted for _, fitted in hopeful])]
     return _judged(bench, model, accepted, ranking, problem, effects, found, len(pairs), meter)
 
 

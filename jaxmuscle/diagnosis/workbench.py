@@ -58,20 +58,49 @@ def _factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """A fitted model, how its last descent ended, the factors of its weights, and its cost.
+    """A fitted model.
 
-    `cost`: that of what is left (:attr:`Discrepancy.cost`) and of the distances from the priors.
+    Attributes:
+        lane: how its last descent ended.
+        left: output → what it leaves, column by column.
+        far: half the sum of its squared distances from the priors.
+        hopeful: whether it was fitted to the end.
     """
 
     model: AbstractActuator
     lane: Lane
-    factors: Factors
-    cost: float
+    left: Mapping[str, Sequence[Discrepancy]]
+    far: float
+    hopeful: bool = True
+
+    @property
+    def factors(self) -> Factors:
+        """What the weights are multiplied by, as what it leaves is uncertainty."""
+        return _factors(self.left)
 
     def noise_squares(self, problem: Problem) -> float:
         """Sum of squares that the sensors' noise leaves by these weights."""
         counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
         return sum(float((factors**2).mean()) * counts[out] for out, factors in self.factors.items())
+
+
+def best_of(fits: Sequence[Fitted]) -> int:
+    """Which of several fits leaves least, by the cost of what is left and of the distances from the priors.
+
+    Readings count for all of them as by the longest correlation time of any: by its own, a large error that
+    lasts would cost less than a small one that does not.
+    """
+    times = {
+        (output, i): max(fit.left[output][i].time for fit in fits)
+        for output, columns in fits[0].left.items()
+        for i in range(len(columns))
+    }
+
+    def cost(fit: Fitted) -> float:
+        each = (dataclasses.replace(fit.left[o][i], time=time).cost for (o, i), time in times.items())
+        return sum(each) + fit.far
+
+    return min(range(len(fits)), key=lambda i: cost(fits[i]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,7 +199,7 @@ class Workbench:
     ) -> Fitted:
         """The best of the fits (:meth:`settled`) that begin at several models."""
         fits = on_all_cores(lambda start: self.settled(start, effects, problem, steps), starts)
-        return min(fits, key=lambda fit: fit.cost)
+        return fits[best_of(fits)]
 
     def discrepancies(self, model: AbstractActuator, problem: Problem) -> dict[str, list[Discrepancy]]:
         """What `model` leaves of each output, column by column."""
@@ -208,8 +237,7 @@ class Workbench:
             left = self.discrepancies(model, problem)
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
-        cost = sum(each.cost for columns in left.values() for each in columns)
-        return Fitted(model, lane, _factors(left), cost + 0.5 * float((far**2).sum()))
+        return Fitted(model, lane, left, 0.5 * float((far**2).sum()))
 
     def fit(
         self,
