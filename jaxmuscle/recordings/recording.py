@@ -95,11 +95,13 @@ def recording(
     horizon: float | None = None,
     breaks: Sequence[int] = (),
     name: str = "recording",
+    uncertain: Mapping[str, float] | None = None,
 ) -> Recording:
     """What a bench measured, from arrays in SI units (pressures absolute) on a uniform clock.
 
-    Its card says what `actuator` says: every quantity is known. What a fit is to move is then named with
-    ``free=``. The class of the actuator need not be one of the package.
+    Its card says what `actuator` says: every quantity is known but those of `uncertain`, which a diagnosis
+    and a fit move; a fit also moves what ``free=`` names. The class of the actuator need not be one of the
+    package. Effects of the actuator stand in no card: a diagnosis begins without them.
 
     Args:
         actuator: the machine; its class says which columns there have to be.
@@ -111,6 +113,7 @@ def recording(
         horizon: length of the windows of prediction [s]; whole runs when `None`.
         breaks: rows at which a new run begins, with everything that is not measured at rest.
         name: what results call it.
+        uncertain: quantity of the card → standard deviation of what is known of it (SI).
 
     Raises:
         InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
@@ -142,6 +145,12 @@ def recording(
     if wrong := [row for row in breaks if not 0 < row < rows]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
     card = _card(actuator, needs, dict(noise or {}), horizon)
+    for key, std in (uncertain or {}).items():
+        if key not in card.known:
+            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
+        if not 0 < std < math.inf:
+            raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
+    card = card.updated({key: (card.known[key].value, std) for key, std in (uncertain or {}).items()})
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)

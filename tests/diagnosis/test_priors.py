@@ -49,9 +49,10 @@ def measured(seconds=24.0):
 
 @pytest.fixture(scope="module")
 def recording():
-    machine = Drive(mass=MASS, gain=GAIN)  # pyright: ignore[reportArgumentType]
-    found = jm.recording(machine, measured(), STEP, noise={"position": NOISE}, horizon=0.8)
-    return dataclasses.replace(found, card=found.card.updated({"mass": (1.1 * MASS, 0.3 * MASS)}))
+    machine = Drive(mass=1.1 * MASS, gain=GAIN)  # pyright: ignore[reportArgumentType]
+    return jm.recording(
+        machine, measured(), STEP, noise={"position": NOISE}, horizon=0.8, uncertain={"mass": 0.3 * MASS}
+    )
 
 
 def test_a_model_that_lacks_friction_is_not_bent_away_from_its_card(recording):

@@ -7,7 +7,9 @@ import pytest
 from oracles import bench
 from oracles.recorded import clock, driven_card, driven_recording
 
+import jaxmuscle as jm
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import actuator_from_card, read
 from jaxmuscle.recordings.recording import Recording, joined
 from jaxmuscle.samples import sample
@@ -86,3 +88,26 @@ def test_a_new_run_starts_at_rest():
         expected = np.concatenate([np.asarray(run[name]) for run in alone])
         np.testing.assert_allclose(values, expected, rtol=1e-10, atol=1e-12)
         assert np.ptp(expected[200:]) > 0.1 * np.ptp(expected[:200])
+
+
+def _own(**how):
+    machine = actuator_from_card(driven_card({}))
+    made = driven_recording({}, driven_card({}), seconds=3.0)
+    return jm.recording(machine, made.columns, made.step, **how)
+
+
+def test_what_is_uncertain_stands_on_the_card_from_the_machines_value_on():
+    card = _own(uncertain={"end_factor": 0.05}).card
+    assert list(card.uncertain) == ["end_factor"] and "end_factor" not in card.known
+    assert card.uncertain["end_factor"].std == 0.05
+    assert card.uncertain["end_factor"].value == driven_card({}).quantities["end_factor"].value
+    assert _own().card.uncertain == {}
+
+
+@pytest.mark.parametrize(
+    ("uncertain", "said"),
+    [({"end_facto": 0.1}, "did you mean 'end_factor'"), ({"end_factor": 0.0}, "above zero")],
+)
+def test_what_cannot_be_uncertain_is_told(uncertain, said):
+    with pytest.raises(InputError, match=said):
+        _own(uncertain=uncertain)
