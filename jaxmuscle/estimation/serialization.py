@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ NOTHING = {"nothing": True}
 
 
 def as_toml(content: Mapping[str, Any]) -> str:
-    """A TOML document of mappings, lists, texts, numbers and `None`; keys are quoted.
+    """A TOML document of mappings, lists, texts, numbers and `None`; keys are quoted where they have to be.
 
     Mappings become tables, within lists inline ones; what belongs to a table directly comes first in it.
     """
@@ -38,10 +39,10 @@ def _table(content: Mapping[str, Any], path: Sequence[str]) -> Iterator[str]:
     inner = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     if path:
         yield ""
-        yield f"[{'.'.join(map(_text, path))}]"
+        yield f"[{'.'.join(map(_key, path))}]"
     for key, value in content.items():
         if key not in inner:
-            yield f"{_text(key)} = {_written(value)}"
+            yield f"{_key(key)} = {_written(value)}"
     for key, value in inner.items():
         yield from _table(value, (*path, key))
 
@@ -50,12 +51,16 @@ def _written(value: Any) -> str:
     if value is None:
         return _written(NOTHING)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_text(key)} = {_written(each)}" for key, each in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(key)} = {_written(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_written, value)) + "]"
     if isinstance(value, str):
         return _text(value)
     return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
 def _text(text: str) -> str:
