@@ -150,7 +150,11 @@ def recording(
             raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
         if not 0 < std < math.inf:
             raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
-    card = card.updated({key: (card.known[key].value, std) for key, std in (uncertain or {}).items()})
+    unsure = {
+        key: dataclasses.replace(card.known[key], std=float(std)) for key, std in (uncertain or {}).items()
+    }
+    known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
+    card = dataclasses.replace(card, known=known, uncertain=unsure)
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
