@@ -8,7 +8,7 @@ import pytest
 from estimation.own_rig import Drive as OwnDrive
 
 import jaxmuscle as jm
-from jaxmuscle.actuators import register
+from jaxmuscle.actuators import RIGS
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.workbench import Fitted, best_of, workbench
@@ -22,7 +22,6 @@ STEP, FINE = 0.01, 50
 MASS, GAIN, COULOMB, VISCOUS, NOISE = 20.0, 10.0, 8.0, 60.0, 2e-5
 
 
-@register
 class Drive(OwnDrive):
     """The same in steps that dry friction calls for."""
 
@@ -45,6 +44,14 @@ def measured(seconds=24.0):
             v = np.sign(free) * max(abs(free) - STEP / FINE * COULOMB / MASS, 0.0)
             x += STEP / FINE * v
     return {"command": command, "position": position + NOISE * rng.normal(size=rows)}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered():
+    """For these tests only: others go over all rigs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(RIGS, Drive.rig, Drive)
+        yield
 
 
 @pytest.fixture(scope="module")
