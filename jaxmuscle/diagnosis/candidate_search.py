@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, linear_strength, shapes, strength_path, strengths
-from jaxmuscle.diagnosis.workbench import SLOW, Fitted, Workbench
+from jaxmuscle.diagnosis.workbench import SLOW, SettledFit, Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import parameters, replace
@@ -42,9 +42,9 @@ def search(
     accepted: Sequence[str],
     effect: type[AbstractEffect],
     problem: Problem,
-    present: Fitted,
+    present: SettledFit,
     meter: Meter,
-) -> Fitted:
+) -> SettledFit:
     """`model` with `effect` added and everything fitted to `problem`.
 
     Two short fits are made, from the fitted model and from the values of the card, and the better one is
@@ -66,7 +66,7 @@ def search(
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
     excess = 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
     if minimum.cost > present.lane.cost - HOPE * max(0.5 * excess, 0.0):
-        return Fitted(best, minimum, present.left, 0.0, hopeful=False)
+        return SettledFit(best, minimum, present.left, 0.0, hopeful=False)
     return bench.settled(best, names, problem, LONG_STEPS, SLOW)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SAFE, Blocks, Losses, block_losses
-from jaxmuscle.diagnosis.workbench import SLOW, Fitted, Workbench
+from jaxmuscle.diagnosis.workbench import SLOW, SettledFit, Workbench
 from jaxmuscle.estimation.windows import Problem
 
 FOLDS = 4
@@ -46,7 +46,7 @@ class Folds:
             self.fold_of[order] = np.arange(number) % self.count
 
     def judged(
-        self, bench: Workbench, fitted: Fitted, effects: Sequence[str], fold: int
+        self, bench: Workbench, fitted: SettledFit, effects: Sequence[str], fold: int
     ) -> tuple[Losses, AbstractActuator]:
         """A model fitted, with `effects`, to all folds but one, and its losses on that one.
 

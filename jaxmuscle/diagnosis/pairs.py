@@ -22,7 +22,7 @@ from jaxmuscle.diagnosis.ranking import (
     judged_all,
     round_work,
 )
-from jaxmuscle.diagnosis.workbench import Fitted, Workbench, best_of
+from jaxmuscle.diagnosis.workbench import SettledFit, Workbench, best_of
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -69,7 +69,7 @@ def _needed(single: Losses, both: Losses) -> bool:
     return gain(single, both) >= NEEDED or typical_fall(single, both) >= HALVED
 
 
-Pair = tuple[tuple[type[AbstractEffect], ...], Fitted]
+Pair = tuple[tuple[type[AbstractEffect], ...], SettledFit]
 
 
 def _beside(
@@ -97,7 +97,7 @@ def _judged(
     ranking: Ranking,
     problem: Problem,
     effects: tuple[type[AbstractEffect], ...],
-    found: Fitted,
+    found: SettledFit,
     tried: int,
     meter: Meter,
 ) -> Candidate | None:

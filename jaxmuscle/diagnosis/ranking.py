@@ -27,7 +27,7 @@ from jaxmuscle.diagnosis.evidence import (
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
-from jaxmuscle.diagnosis.workbench import Fitted, Workbench
+from jaxmuscle.diagnosis.workbench import SettledFit, Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -162,7 +162,7 @@ def rank(
 def judged_all(
     bench: Workbench,
     folds: Folds,
-    models: Sequence[tuple[Fitted, list[str]]],
+    models: Sequence[tuple[SettledFit, list[str]]],
     work: float,
     meter: Meter,
 ) -> tuple[list[Losses], list[tuple[AbstractActuator, ...]]]:
@@ -173,7 +173,7 @@ def judged_all(
     """
     tasks = [(*entry, fold) for entry in models for fold in range(folds.count)]
 
-    def judge(task: tuple[Fitted, list[str], int]) -> tuple[Losses, AbstractActuator]:
+    def judge(task: tuple[SettledFit, list[str], int]) -> tuple[Losses, AbstractActuator]:
         judged = folds.judged(bench, *task)
         meter.did(work, "judging all on windows that they were not fitted to")
         return judged
@@ -189,7 +189,7 @@ def by_likelihood(
     model: AbstractActuator,
     accepted: Sequence[str],
     problem: Problem,
-    promising: Sequence[tuple[tuple[type[AbstractEffect], ...], Fitted]],
+    promising: Sequence[tuple[tuple[type[AbstractEffect], ...], SettledFit]],
     evidence: Sequence[Evidence],
     tried: int,
 ) -> list[Evidence]:

@@ -57,7 +57,7 @@ def _factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fitted:
+class SettledFit:
     """A fitted model.
 
     Attributes:
@@ -84,7 +84,7 @@ class Fitted:
         return sum(float((factors**2).mean()) * counts[out] for out, factors in self.factors.items())
 
 
-def best_of(fits: Sequence[Fitted]) -> int:
+def best_of(fits: Sequence[SettledFit]) -> int:
     """Which of several fits leaves least, by the cost of what is left and of the distances from the priors.
 
     Readings count for all of them as by the longest correlation time of any: by its own, a large error that
@@ -96,7 +96,7 @@ def best_of(fits: Sequence[Fitted]) -> int:
         for i in range(len(columns))
     }
 
-    def cost(fit: Fitted) -> float:
+    def cost(fit: SettledFit) -> float:
         each = (dataclasses.replace(fit.left[o][i], time=time).cost for (o, i), time in times.items())
         return sum(each) + fit.far
 
@@ -196,7 +196,7 @@ class Workbench:
 
     def best_fit(
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
-    ) -> Fitted:
+    ) -> SettledFit:
         """The best of the fits (:meth:`settled`) that begin at several models."""
         fits = on_all_cores(lambda start: self.settled(start, effects, problem, steps), starts)
         return fits[best_of(fits)]
@@ -220,7 +220,7 @@ class Workbench:
         problem: Problem,
         steps: int,
         slow: float = 0.0,
-    ) -> Fitted:
+    ) -> SettledFit:
         """:meth:`fit` with what the fitted model itself leaves counted as uncertainty beside the noise.
 
         A model that lacks something would else be bent away from its priors, which thousands of readings
@@ -237,7 +237,7 @@ class Workbench:
             left = self.discrepancies(model, problem)
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
-        return Fitted(model, lane, left, 0.5 * float((far**2).sum()))
+        return SettledFit(model, lane, left, 0.5 * float((far**2).sum()))
 
     def fit(
         self,

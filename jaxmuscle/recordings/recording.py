@@ -144,22 +144,27 @@ def recording(
         )
     if wrong := [row for row in breaks if not 0 < row < rows]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
-    card = _card(actuator, needs, dict(noise or {}), horizon)
-    for key, std in (uncertain or {}).items():
-        if key not in card.known:
-            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
-        if not 0 < std < math.inf:
-            raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
-    unsure = {
-        key: dataclasses.replace(card.known[key], std=float(std)) for key, std in (uncertain or {}).items()
-    }
-    known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
-    card = dataclasses.replace(card, known=known, uncertain=unsure)
+    card = _unsure_of(_card(actuator, needs, dict(noise or {}), horizon), uncertain or {})
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
     ordered = tuple(sorted({int(row) for row in breaks}))
     return Recording(name, None, None, card, clock, float(step), arrays, ordered)
+
+
+def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
+    """The card with standard deviations of some of its known quantities.
+
+    The rig need not be registered, which :meth:`Card.updated` asks for.
+    """
+    for key, std in uncertain.items():
+        if key not in card.known:
+            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
+        if not 0 < std < math.inf:
+            raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
+    unsure = {key: dataclasses.replace(card.known[key], std=float(std)) for key, std in uncertain.items()}
+    known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
+    return dataclasses.replace(card, known=known, uncertain=unsure)
 
 
 def _card(

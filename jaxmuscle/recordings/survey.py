@@ -102,7 +102,8 @@ def survey(card_file: Path, table_file: Path | None = None, *, resample: bool = 
         sampling, gaps, found = _checked(table, card, resample)
         faults += found
     ranges = () if table is None else _ranges(table, specs)
-    return Survey(card, table, tuple(faults), ranges, sampling, gaps)
+    # A card that is not there is missed when its table is sought, too.
+    return Survey(card, table, tuple(dict.fromkeys(faults)), ranges, sampling, gaps)
 
 
 def table_beside(card_file: Path) -> Path:

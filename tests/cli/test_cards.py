@@ -169,3 +169,9 @@ def test_check_draws_too(run: Run, tmp_path: Path) -> None:
     outcome = run("check", sample("swing").with_suffix(".toml"), "--picture", "swing.png")
     assert outcome.exit_code == 0, outcome.stderr
     assert Path("swing.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_card_that_is_not_there_is_told_once(run: Run) -> None:
+    outcome = run("check", "absent.toml")
+    assert outcome.exit_code == 2
+    assert outcome.stderr.count("no card 'absent.toml'") == 1

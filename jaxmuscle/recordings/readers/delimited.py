@@ -86,12 +86,11 @@ def _utf8(path: Path, content: bytes) -> bytes:
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     if not marked and b"\x00" in content:
         raise InputError(f"{path}: not a text in UTF-8 (byte {wrong.start}); save it as UTF-8") from wrong
-    try:
-        text = content.decode("utf-16" if marked else "cp1252")
-        if sum(character < "\u0100" for character in text[:1000]) > MOSTLY_LATIN * len(text[:1000]):
-            return text.encode("utf-8")
-    except UnicodeDecodeError:
-        pass
+    # What cannot be decoded is marked by a character that no encoding of Windows has.
+    text = content.decode("utf-16" if marked else "cp1252", errors="replace")
+    latin = sum(character < "\u0100" for character in text[:1000]) > MOSTLY_LATIN * len(text[:1000])
+    if latin and "\ufffd" not in text:
+        return text.encode("utf-8")
     raise InputError(f"{path}: not a text in UTF-8 (byte {wrong.start}); save it as UTF-8") from wrong
 
 
