@@ -61,7 +61,7 @@ def search(
     for base in (model, bench.with_card_values(model)):
         begin = _best_start(bench, bench.dressed(base, names), accepted, effect, weighed, noise)
         meter.did(next(parts) * work, f"trying {effect.name}")
-        fits.append(bench.fit(begin, names, weighed, SHORT_STEPS, SLOW))
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors))
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
     excess = 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)

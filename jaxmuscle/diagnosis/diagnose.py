@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
@@ -26,8 +27,8 @@ from jaxmuscle.diagnosis.ranking import (
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
-from jaxmuscle.effects import CATALOGUE, EXTENSION, reading_effects
-from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
+from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.windows import case, check_held_out, check_parts
@@ -70,10 +71,12 @@ def diagnose(
         ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle), of all columns
             or column → rows. Readings that are NaN do not count either, nor do single ones that stand out
             from those beside them (:func:`~jaxmuscle.estimation.outliers.outliers`).
-        catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`; where
-            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`), a second diagnosis
-            chooses among them, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors
-            of every column. It counts if it leaves less.
+        catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
+            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`) and the card declares dry
+            friction, they are tried once more beside friction that builds up over a distance
+            (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
+            something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
+            every column are tried with them. Each counts if it leaves less.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
 
@@ -88,26 +91,43 @@ def diagnose(
     check_held_out(held_out, len(recording))
     meter = Meter(progress)
     seek = partial(_diagnosed, recording, held_out, ignored, meter=meter)
-    chosen = _in_two_passes(seek) if catalogue is None else lambda: seek(catalogue)
-    return interruptible(chosen, meter.stop)
+    return interruptible(lambda: seek(catalogue) if catalogue is not None else _in_passes(seek), meter.stop)
 
 
-def _in_two_passes(seek: Callable[[Sequence[type[AbstractEffect]]], Diagnosis]) -> Callable[[], Diagnosis]:
-    """A diagnosis among the usual effects and, where these leave something, among all.
+def _in_passes(seek: Callable[..., Diagnosis]) -> Diagnosis:
+    """A diagnosis among the usual effects; where these leave something, with dry friction that builds up over
+    a distance before any of them, where there is such friction; and then among all.
 
-    What is left on the training data decides, in both places: held-out data have no say.
+    What is left on the training data decides, everywhere: held-out data have no say.
     """
+    best, first = seek(CATALOGUE), None
+    seconds = best.seconds
+    if leaves_something(best) and _has_dry_friction(best.declared):
+        rough = seek((*CATALOGUE, Presliding), Presliding)
+        seconds += rough.seconds
+        if _better(rough, best):
+            best, first = rough, Presliding
+    if leaves_something(best):
+        own = (Presliding,) if first else ()
+        every = seek((*CATALOGUE, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
+        seconds += every.seconds
+        best = every if _better(every, best) else best
+    return dataclasses.replace(best, seconds=seconds)
 
-    def diagnosed() -> Diagnosis:
-        first = seek(CATALOGUE)
-        if first.missing_in_noise <= MUCH or first.share_left <= EXPLAINED:
-            return first
-        second = seek((*CATALOGUE, *EXTENSION, *reading_effects(type(first.declared))))
-        seconds = first.seconds + second.seconds
-        better = second.added and second.missing_in_noise < LESS * first.missing_in_noise
-        return dataclasses.replace(second if better else first, seconds=seconds)
 
-    return diagnosed
+def leaves_something(diagnosis: Diagnosis) -> bool:
+    """Whether a diagnosis leaves so much that further effects are to be tried."""
+    return diagnosis.missing_in_noise > MUCH and diagnosis.share_left > EXPLAINED
+
+
+def _better(second: Diagnosis, first: Diagnosis) -> bool:
+    return bool(second.added) and second.missing_in_noise < LESS * first.missing_in_noise
+
+
+def _has_dry_friction(actuator: AbstractActuator) -> bool:
+    """Whether it has dry friction that acts at once, on which bristles can be tried."""
+    dry = any(isinstance(effect, AbstractFrictionEffect) for effect in actuator.effects.values())
+    return dry and Presliding.name not in actuator.effects and actuator.offers(Presliding)
 
 
 def _diagnosed(
@@ -115,20 +135,23 @@ def _diagnosed(
     held_out: float | NDArray[np.bool_],
     ignored: Mask | None,
     catalogue: Sequence[type[AbstractEffect]],
+    first: type[AbstractEffect] | None = None,
+    *,
     meter: Meter,
 ) -> Diagnosis:
-    """Arguments as of :func:`diagnose`."""
+    """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
     require_double_precision("a diagnosis")
     begin = time.perf_counter()
     masks = _masks(recording, ignored)
     prepared = case(recording, held_out, masks)
     check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
-    bench = workbench(prepared, candidates)
+    bench = workbench(prepared, candidates, [first] if first in candidates else [])
     meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
-    selection = forward_selection(prepared, bench, meter)
+    selection = forward_selection(prepared, bench, meter, first)
     declared = selection.model
-    selection.seek()
+    if first is None or (first in candidates and selection.begin_with(first)):
+        selection.seek()
     meter.skip_to(CONCLUSION, "predicting the held-out data")
     outcome = Outcome(
         declared,

@@ -55,7 +55,7 @@ class Folds:
         """
         judged = np.flatnonzero(self.fold_of == fold)
         fitting = self.problem.only(~np.isin(self.block, self._beside(judged)))
-        model, _ = bench.fit(fitted.model, effects, fitting.reweighted(fitted.factors), STEPS, SLOW)
+        model, _ = bench.fit(fitted.model, effects, fitting, STEPS, SLOW, fitted.factors)
         residuals = bench.residuals(model, self.problem)
         return block_losses(residuals, self.problem.weights, self.block, judged), model
 

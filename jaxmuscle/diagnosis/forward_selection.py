@@ -5,7 +5,7 @@ everything, repeat.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
@@ -16,6 +16,7 @@ from jaxmuscle.diagnosis.result import Alternative, Round
 from jaxmuscle.diagnosis.verdict import MUCH
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
@@ -43,6 +44,7 @@ class ForwardSelection:
         ready: waits for what a search needs compiled.
         model: as found so far, fitted to `training`; `converged`: whether that fit was.
         found: what was added, effect by effect; `rounds`: the searches; `folds`: fits of the last one.
+        given: how many of `found` the search among all candidates began with.
         before: the model and the ranking of the last search that added something.
     """
 
@@ -57,6 +59,7 @@ class ForwardSelection:
     rounds: list[Round] = dataclasses.field(default_factory=list)
     folds: tuple[AbstractActuator, ...] = ()
     before: tuple[AbstractActuator, Ranking] | None = None
+    given: int = 0
 
     @property
     def names(self) -> list[str]:
@@ -65,19 +68,34 @@ class ForwardSelection:
 
     def seek(self) -> None:
         """Add effects until nothing is missing, none is supported, or there are :data:`MOST_EFFECTS`."""
-        most = min(MOST_EFFECTS, len(self.bench.candidates))
+        most = min(self.given + MOST_EFFECTS, len(self.bench.candidates))
         while len(self.found) < most:
             left = max(mean_squares(self.bench, self.model, self.training).values())
             if left < NOTHING_LEFT or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
                 break
 
+    def begin_with(self, effect: type[AbstractEffect]) -> bool:
+        """Add one candidate before any other is tried, if unseen windows support it."""
+        ranking = rank(self.bench, self.model, [], self.parts, self.meter, [effect])
+        best = ranking.supported(0)
+        if best is None:
+            return False
+        self.rounds.append(_round(ranking, best))
+        self._add(best)
+        self.given = 1
+        self.ready = compiling(self.bench, self.parts)
+        return True
+
     def _single(self) -> bool:
         """Add the best candidate, if unseen windows support it."""
         self.ready()
         ranking = rank(self.bench, self.model, self.names, self.parts, self.meter)
+        if ranking.valley is not None:
+            self._refit((self.model, ranking.valley))
+            ranking = rank(self.bench, self.model, self.names, self.parts, self.meter)
         best = ranking.supported(len(self.found))
         self.rounds.append(_round(ranking, best))
-        if best is not None or not self.found:
+        if best is not None or len(self.found) == self.given:
             self.before = self.model, ranking
         if best is None:
             self.folds = ranking.folds
@@ -87,13 +105,14 @@ class ForwardSelection:
 
     def _pair(self) -> bool:
         """Add a pair, in place of a single effect that was added, which may imitate the two, or of none."""
-        if self.before is None or len(self.found) > 1 or len(self.bench.candidates) > MOST_FOR_PAIRS:
+        further = len(self.found) - self.given
+        if self.before is None or further > 1 or len(self.bench.candidates) > self.given + MOST_FOR_PAIRS:
             return False
         model, ranking = self.before
-        pair = best_pair(self.bench, model, [], ranking, self.parts, self.meter)
+        pair = best_pair(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
         if pair is None or not pair.evidence.supports(len(self.found) + 1):
             return False
-        self.found.clear()
+        del self.found[self.given :]
         ranking = dataclasses.replace(ranking, candidates=(pair, *ranking.candidates))
         self.rounds.append(_round(ranking, pair))
         self._add(pair)
@@ -104,18 +123,28 @@ class ForwardSelection:
         self.found += best.apart()
         self.meter.expect(REFIT)
         self.meter.did(0.0, f"adding {best.name}, refitting everything")
-        begins = (best.model, self.bench.with_card_values(best.model))
-        fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
-        self.model, self.converged = fitted.model, fitted.lane.code in SETTLED
+        self._refit((best.model, self.bench.with_card_values(best.model)))
         self.folds = best.folds
         self.meter.did(REFIT, f"looking whether the model with {best.name} lacks anything else")
 
+    def _refit(self, begins: Sequence[AbstractActuator]) -> None:
+        """Fit everything, from several models."""
+        fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
+        self.model, self.converged = fitted.model, fitted.lane.code in SETTLED
 
-def forward_selection(case: Case, bench: Workbench, meter: Meter) -> ForwardSelection:
-    """The declared model fitted, before anything is added."""
+
+def compiling(bench: Workbench, parts: Problem) -> Callable[[], object]:
+    """Begin to compile what a search of candidates with a state needs; returns what waits for it."""
+    return in_background(lambda: bench.compile_stateful(parts)).result
+
+
+def forward_selection(
+    case: Case, bench: Workbench, meter: Meter, first: type[AbstractEffect] | None = None
+) -> ForwardSelection:
+    """The declared model fitted, before anything but the `first` effect is tried."""
     parts = case.training.in_parts(PARTS)
     meter.did(0.0, "fitting the declared model")
-    compiled = in_background(lambda: bench.compile_stateful(parts))
+    ready = compiling(bench, parts) if first is None else (lambda: None)
     declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
     meter.did(DECLARED, "fitting the declared model with its final weights")
     parts = _with_spread(case, parts, declared)
@@ -123,7 +152,7 @@ def forward_selection(case: Case, bench: Workbench, meter: Meter) -> ForwardSele
     training = _with_spread(case, case.training, declared)
     fitted = bench.settled(declared, [], training, FIT_STEPS)
     converged = fitted.lane.code in SETTLED
-    return ForwardSelection(bench, parts, training, meter, compiled.result, fitted.model, converged)
+    return ForwardSelection(bench, parts, training, meter, ready, fitted.model, converged)
 
 
 def _with_spread(case: Case, training: Problem, model: AbstractActuator) -> Problem:

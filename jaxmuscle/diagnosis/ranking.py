@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search, search_work
-from jaxmuscle.diagnosis.candidates import carries_state, paths_of
+from jaxmuscle.diagnosis.candidates import carries_state, paths_of, strength_path
 from jaxmuscle.diagnosis.evidence import (
     LIKELIHOOD_RATIO,
     Blocks,
@@ -27,10 +27,11 @@ from jaxmuscle.diagnosis.evidence import (
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
-from jaxmuscle.diagnosis.workbench import SettledFit, Workbench
+from jaxmuscle.diagnosis.workbench import SettledFit, Workbench, best_of
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
+from jaxmuscle.parameters import replace
 from jaxmuscle.progress import Meter
 
 DECLARED = 13.0
@@ -91,13 +92,15 @@ class Candidate:
 class Ranking:
     """All candidates, best first; the loss of the model without any of them, and its fits to each fold.
 
-    `stretch`: blocks in time over which the residuals of the best candidate go together.
+    `stretch`: blocks in time over which the residuals of the best candidate go together. `valley`: the
+    present model where a candidate led to a better fit of it.
     """
 
     loss: float
     folds: tuple[AbstractActuator, ...]
     candidates: tuple[Candidate, ...]
     stretch: int
+    valley: AbstractActuator | None = None
 
     def supported(self, found: int) -> Candidate | None:
         """The best candidate, if unseen windows support it; `found`: effects that were added before."""
@@ -111,24 +114,27 @@ def rank(
     accepted: Sequence[str],
     problem: Problem,
     meter: Meter,
+    among: Sequence[type[AbstractEffect]] | None = None,
 ) -> Ranking:
-    """Rank the candidates that are not yet accepted.
+    """Rank the candidates that are not yet accepted, or those `among` them.
 
     The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. Then
     the present model and each candidate are fitted on all folds but one (:class:`Folds`), with all parameters
     that are free anyway, and judged on that one. A candidate that explains too little of the very windows
     that it was fitted to is not judged (:func:`_promising`).
     """
-    rest = [effect for effect in bench.candidates if effect.name not in accepted]
+    rest = [e for e in (bench.candidates if among is None else among) if e.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
         meter.expect(round_work(rest, FOLDS))
     present = bench.settled(model, accepted, problem, STEPS)
-    squares = _excess_squares(bench, present.model, problem)
     searched = on_all_cores(
         lambda effect: search(bench, model, accepted, effect, problem, present, meter), rest
     )
+    begun, present = present, _at_its_best(bench, accepted, problem, present, rest, searched)
+    valley = None if present is begun else present.model
+    squares = _excess_squares(bench, present.model, problem)
     before = _seen(bench, present.model, problem, block)
     seen = [_seen(bench, found.model, problem, block) for found in searched]
     gains = [gain(before, own) for own in seen]
@@ -156,7 +162,7 @@ def rank(
         )
     ]
     ranked = [*sorted(tried, key=unseen_loss), *sorted(left, key=unseen_loss)]
-    return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch)
+    return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch, valley)
 
 
 def judged_all(
@@ -216,6 +222,39 @@ def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Bl
     """Losses of `model` as it is, on windows that it may have been fitted to."""
     everything = np.arange(int(block.max()) + 1)
     return block_losses(bench.residuals(model, problem), problem.weights, block, everything)
+
+
+def _at_its_best(
+    bench: Workbench,
+    accepted: Sequence[str],
+    problem: Problem,
+    present: SettledFit,
+    effects: Sequence[type[AbstractEffect]],
+    searched: Sequence[SettledFit],
+) -> SettledFit:
+    """The present model, or a better fit of it where the one with the best candidate leads.
+
+    A candidate's search may find a better valley in which its strength is next to none: what is gained there
+    is no merit of the effect.
+    """
+    hopeful = [pair for pair in zip(effects, searched, strict=True) if pair[1].hopeful]
+    if not hopeful:
+        return present
+    effect, found = hopeful[best_of([fitted for _, fitted in hopeful])]
+    without = bench.dressed(replace(found.model, {strength_path(effect): 0.0}), accepted)
+    other = bench.settled(without, accepted, problem, STEPS)
+    better = best_of([present, other]) and _falls(bench, present, other, problem)
+    return other if better else present
+
+
+DEEPER = 0.05
+"""Part of the excess error by which a fit of the same model has to leave less to lie in a better valley."""
+
+
+def _falls(bench: Workbench, present: SettledFit, other: SettledFit, problem: Problem) -> bool:
+    """Whether another fit of the present model removes a noticeable part of the excess error."""
+    squares = _excess_squares(bench, present.model, problem)
+    return squares - _excess_squares(bench, other.model, problem) > DEEPER * max(squares, 1.0)
 
 
 def _excess_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> float:

@@ -30,17 +30,23 @@ SPARE = 6
 """Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
 takes its derivatives in several calls of one program."""
 FALL = 3e-5
-"""Expected fall of the cost, relative to it, at which a fit of a search ends.
+"""Expected fall of the cost, relative to what of it noise does not leave, at which a fit of a search ends.
 
 With ten times as much, practice recording 14 ends at a tenth more cost, and an effect is found that is not
 there.
 """
 SLOW = 1e-3
-"""Fall of the cost over eight steps, relative to it, below which a candidate's search, and the fit of any
-model to a fold, is at its end.
+"""Fall of the cost over eight steps, relative to the same, below which a candidate's search, and the fit of
+any model to a fold, is at its end.
 
 With the fits to all windows of the model without candidates ended like that, too, practice recording 14 has
 effects found that are not there: what searches begin with must be as good as it can be.
+"""
+LEAST_EXCESS = 300.0
+"""Cost beyond what noise leaves of which falls are at least taken: they end at 0.01 and 0.3.
+
+Relative to the whole cost (7000 of two pressures beside 50 of an angle whose misfit lasts) a search ended at
+falls of 7 of these 50.
 """
 REWEIGHTINGS, ALIKE = 8, 0.1
 """Fits by turns with weights from their own residuals, and change of a weight's logarithm that ends them."""
@@ -54,6 +60,12 @@ Factors = Mapping[str, Float[np.ndarray, " columns"]]
 
 def _factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
     return {output: np.array([each.factor for each in columns]) for output, columns in left.items()}
+
+
+def noise_squares(factors: Factors, problem: Problem) -> float:
+    """Sum of squares that the sensors' noise leaves where weights are multiplied by `factors`."""
+    counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
+    return sum(float((each**2).mean()) * counts[out] for out, each in factors.items())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,8 +92,7 @@ class SettledFit:
 
     def noise_squares(self, problem: Problem) -> float:
         """Sum of squares that the sensors' noise leaves by these weights."""
-        counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
-        return sum(float((factors**2).mean()) * counts[out] for out, factors in self.factors.items())
+        return noise_squares(self.factors, problem)
 
 
 def best_of(fits: Sequence[SettledFit]) -> int:
@@ -109,8 +120,9 @@ class Workbench:
 
     Candidates without a state of their own cost next to nothing at zero strength: every model carries them
     all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
-    all of them where one is tried or has been added, and none otherwise. Two structures are compiled; one
-    for each candidate with a state took 52 s of a core where these two take 36.
+    all of them where one is tried or has been added, and none otherwise, but for those that are `carried`
+    always. Two structures are compiled; one for each candidate with a state took 52 s of a core where these
+    two take 36.
 
     Attributes:
         case: the recording, made ready.
@@ -118,6 +130,7 @@ class Workbench:
         declared: paths of the parameters that the card calls uncertain.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         width: number of tangents of a fit.
+        carried: names of candidates with a state that every model carries.
     """
 
     case: Case
@@ -126,13 +139,19 @@ class Workbench:
     declared: tuple[str, ...]
     priors: Mapping[str, Prior]
     width: int
+    carried: tuple[str, ...] = ()
+
+    @property
+    def changing(self) -> list[type[AbstractEffect]]:
+        """Candidates with a state that not every model carries."""
+        return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
 
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying every candidate that has a state if `names` has one, else none.
 
         Those that are not in `names` are at zero strength.
         """
-        stateful = [effect for effect in self.candidates if carries_state(effect)]
+        stateful = self.changing
         wanted = [effect.name for effect in stateful if effect.name in names]
         bare = model.without_effects(*(effect.name for effect in stateful))
         had = {name: model.effects[name] for name in wanted if name in model.effects}
@@ -227,13 +246,13 @@ class Workbench:
         outweigh. Weights and fit are found by turns, from the weights of `model`.
         """
         factors = _factors(self.discrepancies(model, problem))
-        model, lane = self.fit(model, effects, problem.reweighted(factors), steps, slow)
+        model, lane = self.fit(model, effects, problem, steps, slow, factors)
         left = self.discrepancies(model, problem)
         for _ in range(REWEIGHTINGS - 1):
             before, factors = factors, _factors(left)
             if all(np.allclose(np.log(before[o]), np.log(factors[o]), rtol=0, atol=ALIKE) for o in factors):
                 break
-            model, lane = self.fit(model, effects, problem.reweighted(factors), steps, slow)
+            model, lane = self.fit(model, effects, problem, steps, slow, factors)
             left = self.discrepancies(model, problem)
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
@@ -246,26 +265,33 @@ class Workbench:
         problem: Problem,
         steps: int,
         slow: float = 0.0,
+        factors: Factors | None = None,
     ) -> tuple[AbstractActuator, Lane]:
         """`model` with its declared parameters and those of `effects` fitted to `problem`.
 
         A search compares costs that differ by more than the last steps to a minimum would lower them: a
-        descent ends when its next step is expected to lower the cost by less than :data:`FALL` of it, or
-        when several steps together have lowered it by less than `slow` of it.
+        descent ends when its next step is expected to lower the cost by less than :data:`FALL` of what of it
+        noise does not leave, or when several steps together have lowered it by less than `slow` of that.
+
+        Args:
+            factors: what the weights of `problem`, by the noise of the sensors, are multiplied by, if not
+                by 1.
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
-        objective = self.objective(model, problem, paths, effects)
+        factors = {out: np.ones(1) for out in problem.weights} if factors is None else factors
+        objective = self.objective(model, problem.reweighted(factors), paths, effects)
         unknowns, samples = objective.unknowns, objective.samples
         bounds = (unknowns.lower, unknowns.upper)
-        ends = Tolerances(fall=FALL, slow=slow)
+        floor = 0.5 * noise_squares(factors, problem)
+        ends = Tolerances(fall=FALL, slow=slow, floor=floor, least=LEAST_EXCESS)
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
         (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane
 
     def compile_stateful(self, problem: Problem) -> None:
         """Have the programs for candidates with a state compiled; nothing if there is none."""
-        name = next((effect.name for effect in self.candidates if carries_state(effect)), None)
+        name = next((effect.name for effect in self.changing), None)
         if name is not None:
             model = self.dressed(self.model, [name])
             self.jacobian(model, problem, self.free_paths(model, [name]), [name])
@@ -299,11 +325,15 @@ class Workbench:
         return np.concatenate([whole, priors[0]]), np.concatenate([by_value, priors[1]], axis=1)
 
 
-def workbench(case: Case, candidates: Sequence[type[AbstractEffect]]) -> Workbench:
-    """Load the actuator of `case` with those of the `candidates` that have no state."""
-    priors = case.priors
-    model = loaded(case.actuator, [effect for effect in candidates if not carries_state(effect)])
-    return Workbench(case, model, tuple(candidates), tuple(priors), dict(priors), len(priors) + SPARE)
+def workbench(
+    case: Case, candidates: Sequence[type[AbstractEffect]], carried: Sequence[type[AbstractEffect]] = ()
+) -> Workbench:
+    """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
+    priors, width = case.priors, len(case.priors) + SPARE
+    held = [effect for effect in candidates if not carries_state(effect) or effect in carried]
+    names = tuple(effect.name for effect in carried)
+    model = loaded(case.actuator, held)
+    return Workbench(case, model, tuple(candidates), tuple(priors), dict(priors), width, names)
 
 
 def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:

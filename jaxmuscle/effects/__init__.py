@@ -81,7 +81,8 @@ DECLARABLE: tuple[type[AbstractEffect], ...] = (
     BoucWen,
 )
 """Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`: on many
-recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness)."""
+recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness). Presliding is tried
+without being named too, where the usual effects leave something and the card declares dry friction."""
 
 FURTHER = (*EXTENSION, *DECLARABLE)
 """All effects beside those of the catalogue."""

@@ -166,8 +166,10 @@ class Tolerances:
             standard deviations away.
         noticeable, patience: fall of the cost that so many steps, taken or rejected, have to bring.
         exact: mean square residual below which a fit counts as exact.
-        fall: expected fall relative to the cost at which a descent may end before its minimum.
-        slow: fall over `patience` steps relative to the cost at which it may.
+        fall: expected fall relative to the cost above `floor` at which a descent may end before its minimum.
+        slow: fall over `patience` steps relative to the same at which it may.
+        floor, least: cost that the noise alone leaves, and how much beyond it counts at least, if there is
+            so much at all.
     """
 
     near: float = 1e-3
@@ -176,6 +178,12 @@ class Tolerances:
     exact: float = 1e-6
     fall: float = 0.0
     slow: float = 0.0
+    floor: float = 0.0
+    least: float = 0.0
+
+    def beyond_noise(self, cost: float) -> float:
+        """Cost of which `fall` and `slow` are parts."""
+        return max(cost - self.floor, min(self.least, cost))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -264,7 +272,7 @@ def _tired(lane: Lane, limits: Limits) -> bool:
     ends = limits.tolerances
     if len(lane.costs) <= ends.patience:
         return False
-    noticeable = max(ends.noticeable * scale(lane, limits), ends.slow * lane.cost)
+    noticeable = max(ends.noticeable * scale(lane, limits), ends.slow * ends.beyond_noise(lane.cost))
     return lane.costs[-1 - ends.patience] - lane.cost < noticeable
 
 
@@ -280,7 +288,8 @@ def _propose(lane: Lane, limits: Limits) -> None:
     stuck = ((lane.u <= limits.lower) & (g > 0)) | ((lane.u >= limits.upper) & (g < 0))
     free = ~(lane.held | stuck) & (matrix.diagonal() > 0)
     model = Quadratic(matrix[free][:, free], g[free], np.sqrt(lane.curvature[free])) if free.any() else None
-    near = max(limits.tolerances.near * scale(lane, limits), limits.tolerances.fall * lane.cost)
+    ends = limits.tolerances
+    near = max(ends.near * scale(lane, limits), ends.fall * ends.beyond_noise(lane.cost))
     if model is None or model.fall <= near:
         lane.end(CONVERGED)
         return

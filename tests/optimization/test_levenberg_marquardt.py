@@ -20,6 +20,7 @@ from jaxmuscle.optimization.levenberg_marquardt import (
     Limits,
     Local,
     Quadratic,
+    Tolerances,
     best,
     descend,
 )
@@ -197,3 +198,25 @@ def test_a_coordinate_without_influence_stays():
     (lane,) = descend(least_squares(flat), np.array([[0.0, 7.0]]), FREE)
     assert lane.code == CONVERGED
     assert lane.u[1] == 7.0 and lane.u[0] == pytest.approx(3.0)
+
+
+def test_what_noise_leaves_does_not_count_where_falls_are_judged():
+    """A slow valley beside a cost of 5000 that nothing lowers: by the whole cost its descent ends early."""
+
+    def evaluate(points):
+        found = []
+        for x, y in points:
+            r, slopes = np.array([1 - x, 10 * (y - x**2)]), np.array([[-1.0, 0.0], [-20 * x, 10.0]])
+            found.append(Local(5000 + 0.5 * float(r @ r), slopes.T @ r, slopes.T @ slopes, 0))
+        return found
+
+    def end(**ends):
+        tolerances = Tolerances(near=0.0, noticeable=0.0, fall=1e-4, slow=1e-3, **ends)
+        limits = Limits(
+            np.full(2, -9.0), np.full(2, 9.0), 200, 1, samples=10_000, reach=0.1, tolerances=tolerances
+        )
+        (lane,) = descend(evaluate, np.array([[-1.2, 1.0]]), limits)
+        return lane.cost - 5000
+
+    assert end() > 0.5
+    assert end(floor=5000.0, least=1e-3) < 1e-3

@@ -1,0 +1,123 @@
+"""A diagnosis in passes: among the usual effects, beside friction that builds up, among all."""
+
+import dataclasses
+import importlib
+import sys
+from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+import jaxmuscle as jm
+from jaxmuscle.diagnosis.diagnose import LESS, _in_passes
+from jaxmuscle.diagnosis.verdict import MUCH
+from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
+
+module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
+
+
+SMOOTH: Any = type("Smooth", (), {"effects": MappingProxyType({})})()
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What of a diagnosis decides."""
+
+    missing_in_noise: float
+    added: tuple[str, ...] = ()
+    share_left: float = 1.0
+    seconds: float = 10.0
+    declared: Any = SMOOTH
+
+
+def passes(*outcomes):
+    """The outcome, and with what each pass was asked to choose from."""
+    asked, left = [], list(outcomes)
+
+    def seek(catalogue, first=None):
+        asked.append(catalogue if first is None else (first, catalogue))
+        return left.pop(0)
+
+    return _in_passes(seek), asked
+
+
+@pytest.fixture(autouse=True)
+def _no_sensors(monkeypatch):
+    monkeypatch.setattr(module, "reading_effects", lambda rig: ("sensor_offset",))
+
+
+def test_the_usual_effects_are_enough_where_they_leave_nothing():
+    found, asked = passes(Outcome(MUCH, ("creep",)))
+    assert found.added == ("creep",) and asked == [CATALOGUE]
+
+
+def test_a_little_of_much_is_no_reason_to_go_on():
+    found, asked = passes(Outcome(4.6, ("thread_friction",), share_left=0.14))
+    assert found.added == ("thread_friction",) and asked == [CATALOGUE]
+
+
+def test_all_are_tried_where_something_is_left():
+    found, asked = passes(Outcome(9.0, ("command_delay",)), Outcome(0.2, ("dead_band",)))
+    assert found.added == ("dead_band",) and found.seconds == 20.0
+    assert asked == [CATALOGUE, (*CATALOGUE, *EXTENSION, "sensor_offset")]
+
+
+@pytest.mark.parametrize("second", [Outcome(9.0 * LESS + 0.1, ("backlash",)), Outcome(0.1)])
+def test_more_effects_that_leave_as_much_do_not_count(second):
+    found, _ = passes(Outcome(9.0, ("command_delay",)), second)
+    assert found.added == ("command_delay",) and found.seconds == 20.0
+
+
+DRY: Any = SimpleNamespace(effects={"thread_friction": ThreadFriction()}, offers=lambda effect: True)
+ROUGH = (Presliding, (*CATALOGUE, Presliding))
+
+
+def test_dry_friction_of_the_card_may_build_up():
+    outcomes = Outcome(9.0, declared=DRY), Outcome(1.0, ("presliding", "gravity"), declared=DRY)
+    found, asked = passes(*outcomes)
+    assert found.added == ("presliding", "gravity") and found.seconds == 20.0
+    assert asked == [CATALOGUE, ROUGH]
+
+
+def test_all_are_tried_beside_friction_that_builds_up():
+    outcomes = (
+        Outcome(20.0, declared=DRY),
+        Outcome(9.0, ("presliding",), declared=DRY),
+        Outcome(1.0, ("slip",)),
+    )
+    found, asked = passes(*outcomes)
+    assert found.added == ("slip",) and found.seconds == 30.0
+    every = (*CATALOGUE, *EXTENSION, Presliding, "sensor_offset")
+    assert asked == [CATALOGUE, ROUGH, (Presliding, every)]
+
+
+def test_all_are_tried_without_it_where_it_does_not_help():
+    outcomes = Outcome(9.0, declared=DRY), Outcome(8.9, ("presliding",), declared=DRY), Outcome(8.0)
+    found, asked = passes(*outcomes)
+    assert found.added == ()
+    assert asked == [CATALOGUE, ROUGH, (*CATALOGUE, *EXTENSION, "sensor_offset")]
+
+
+def test_friction_that_builds_up_on_the_card_is_not_tried_again():
+    effects = {"thread_friction": ThreadFriction(), "presliding": Presliding()}
+    rough: Any = SimpleNamespace(effects=effects, offers=lambda effect: True)
+    _, asked = passes(Outcome(9.0, declared=rough), Outcome(9.0))
+    assert len(asked) == 2 and asked[1] == (*CATALOGUE, *EXTENSION, "sensor_offset")
+
+
+@pytest.mark.slow
+def test_a_rough_bearing_is_found_and_its_joint_fitted():
+    """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
+    blind = drawn(9, "joint", 1, False, ["bladder_stiffness"])
+    assert blind.bristles > 0
+    found = jm.diagnose(blind.recording)
+    assert "presliding" in [effect.name for effect in found.effects]
+    values = {name: entry.value for name, entry in found.parameters.items()}
+    for name in ("end_factor", "inertia", "regulator_frequency"):
+        assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
+    assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
+    assert not found.violated_priors
