@@ -1,0 +1,22 @@
+"""Formulas of a page, marked by arithmatex, as MathML: browsers show it without scripts or fonts from elsewhere."""
+
+from __future__ import annotations
+
+import html
+import re
+
+from latex2mathml.converter import convert
+
+MARKED = re.compile(r'<(?P<tag>span|div) class="arithmatex">(?P<body>.*?)</(?P=tag)>', re.S)
+
+
+def with_mathml(page: str) -> str:
+    """A page of HTML with its formulas rendered."""
+    return MARKED.sub(_rendered, page)
+
+
+def _rendered(found: re.Match[str]) -> str:
+    formula = html.unescape(found["body"]).strip()
+    displayed = formula.startswith("\\[")
+    mathml = convert(formula[2:-2].strip(), display="block" if displayed else "inline")
+    return f'<div class="formula">{mathml}</div>' if displayed else mathml
