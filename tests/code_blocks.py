@@ -75,7 +75,7 @@ def run_page(page: Path, folder: Path) -> dict[int, str]:
     Raises:
         AssertionError: a block failed; with its traceback.
     """
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg", "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, str(Path(__file__).resolve()), "--inside", str(page.resolve())]
     result = folder / ".printed.json"
     with subprocess.Popen(

@@ -7,6 +7,7 @@ from typing import Any
 from card_reference import card_reference
 from command_reference import command_reference
 from effect_reference import effect_reference
+from equations_page import equations_page
 from formulas import with_mathml
 from mkdocs.structure.files import File, Files
 from python_reference import python_reference
@@ -23,6 +24,7 @@ def on_config(config: Any) -> Any:
 def on_files(files: Files, config: Any) -> Files:
     """Add what is generated from the code to what is written."""
     written = {
+        "explanation/equations.md": equations_page(),
         "reference/cards.md": card_reference(),
         "reference/effects.md": effect_reference(),
         "reference/commands.md": command_reference(),
