@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from effect_reference import anchor
 from tables import code, table
 
 import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.effects import CATALOGUE, EXTENSION, FURTHER
+from jaxmuscle.effects import CATALOGUE, FURTHER
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_sections import HEADS, SECTIONS
 from jaxmuscle.recordings.schema import CLOCK, Need, Rig
@@ -59,7 +60,7 @@ def _named(name: str) -> str:
 def _rig(rig: Rig) -> str:
     quantities = schema.quantities(rig).items()
     offered = [effect for effect in (*CATALOGUE, *FURTHER) if rig.offers(effect)]
-    found = ", ".join(f"[`{effect.name}`](effects.md#{effect.name})" for effect in offered)
+    found = ", ".join(f"[`{effect.name}`](effects.md#{anchor(effect)})" for effect in offered)
     return "\n".join(
         [
             f"## Rig `{rig.rig}` {{ #{rig.rig} }}\n",
@@ -100,4 +101,3 @@ def _quantity(rig: Rig, name: str, need: Need) -> tuple[str, str, str, str, str]
 
 
 assert {*SAID} == {*HEADS, *SECTIONS}, "a section of cards is not said here"
-assert not {*EXTENSION} - {*FURTHER}

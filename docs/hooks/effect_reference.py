@@ -64,20 +64,29 @@ def effect_reference() -> str:
 
 def _overview(effects: Iterable[type[AbstractEffect]]) -> list[tuple[str, str, str, str]]:
     return [
-        (f"[`{e.name}`](#{e.name})", code(e.slot.name), _rigs(e), _plain(meaning(e.__doc__))) for e in effects
+        (f"[`{e.name}`](#{anchor(e)})", code(e.slot.name), _rigs(e), _first(e)) for e in effects
     ]
 
 
 def _effect(effect: type[AbstractEffect]) -> str:
     about = as_markdown(inspect.cleandoc(effect.__doc__ or ""))
-    facts = (
-        f"Acts on `{effect.slot.name}`; strength `{effect.strength}`; on {_rigs(effect)}.\n: Source: "
-        f"{effect.source}.\n"
+    facts = table(
+        ("in a card", "in Python", "signal", "strength", "rigs", "source"),
+        [
+            (
+                code(f"[effects.{effect.name}]"),
+                code(f"jm.effects.{effect.__name__}"),
+                code(effect.slot.name),
+                code(effect.strength),
+                _rigs(effect),
+                effect.source,
+            )
+        ],
     )
     return "\n".join(
         [
-            f"### {words(effect.name).capitalize()} {{ #{effect.name} }}\n",
-            f"`[effects.{effect.name}]`, `jaxmuscle.effects.{effect.__name__}`\n: {facts}",
+            f"### {words(effect.name).capitalize()}{_of(effect)} {{ #{anchor(effect)} }}\n",
+            facts,
             f"{about}\n",
             table(("parameter", "unit (SI)", "when not given", "meaning"), _parameters(effect)),
         ]
@@ -104,13 +113,28 @@ def _rigs(effect: type[AbstractEffect]) -> str:
     return ", ".join(name for name, rig in RIGS.items() if rig.offers(effect)) or "no rig of the package"
 
 
-def _plain(text: str) -> str:
-    return as_markdown(text)
+def _first(effect: type[AbstractEffect]) -> str:
+    """The first paragraph of a docstring."""
+    return as_markdown(inspect.cleandoc(effect.__doc__ or "").split("\n\n")[0])
+
+
+def _is_form(effect: type[AbstractEffect]) -> bool:
+    """Whether it is an effect of another class's name, on other rigs."""
+    return any(effect in each.forms for _, effects, _ in GROUPS for each in effects)
+
+
+def anchor(effect: type[AbstractEffect]) -> str:
+    """Where the page tells of it."""
+    return f"{effect.name}-{effect.slot.name}" if _is_form(effect) else effect.name
+
+
+def _of(effect: type[AbstractEffect]) -> str:
+    return f" of the {words(effect.slot.name)}" if _is_form(effect) else ""
 
 
 def _sensors() -> str:
     columns = ", ".join(code(name) for name in USUAL_OFFSETS)
-    rows = [(code(f"{kind}_COLUMN"), _plain(meaning(e.__doc__)), e.source) for kind, e in KINDS.items()]
+    rows = [(code(f"{kind}_COLUMN"), as_markdown(meaning(e.__doc__)), e.source) for kind, e in KINDS.items()]
     return "\n".join(
         [
             "## Errors of sensors {#sensors}\n",
