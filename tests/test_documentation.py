@@ -11,6 +11,9 @@ import tomllib
 
 import pytest
 from code_blocks import ELSEWHERE, PICTURE, ROOT, blocks_of, printed_below, run_page
+from typer.testing import CliRunner
+
+from jaxmuscle.cli import app
 
 PAGES = {
     path.relative_to(ROOT).as_posix(): path
@@ -99,6 +102,11 @@ def test_site_builds_without_a_warning(tmp_path):
     assert {"tutorial.html", "reference/cards.html", "reference/python/effects.html"} <= pages
     effects = (tmp_path / "site" / "reference" / "effects.html").read_text(encoding="utf-8")
     assert 'id="load_friction"' in effects and "<math" in effects and "arithmatex" not in effects
+    commands = (tmp_path / "site" / "reference" / "commands.html").read_text(encoding="utf-8")
+    for name in ("diagnose", "init", "check", "fit", "sweep"):
+        told = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).stdout
+        options = set(re.findall(r"--[a-z][a-z-]+", told)) - {"--help"}
+        assert options and [option for option in options if option not in commands] == []
     # Nothing is loaded from elsewhere.
     for name in pages:
         page = (tmp_path / "site" / name).read_text(encoding="utf-8")

@@ -68,9 +68,11 @@ def _shown_argument(parameter: inspect.Parameter, kind: Any) -> str:
 
 
 def _shown_option(parameter: inspect.Parameter, kind: Any, told: OptionInfo) -> str:
-    name = (told.param_decls or (f"--{parameter.name.replace('_', '-')}",))[0]
+    # Within Annotated the first name that an option is given stands where its default would.
+    given = [each for each in (told.default, *(told.param_decls or ())) if str(each).startswith("--")]
+    name = given[0] if given else f"--{parameter.name.replace('_', '-')}"
     if kind is bool:
-        return code(name if told.param_decls else f"{name} / --no-{name.removeprefix('--')}")
+        return code(name if given else f"{name} / --no-{name.removeprefix('--')}")
     return code(f"{name} {_word(kind)}")
 
 

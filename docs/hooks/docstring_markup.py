@@ -14,6 +14,9 @@ DISPLAYED = re.compile(r"^(?P<indent> *)\.\. math::(?P<first>.*)\n(?P<rest>(?:(?
 SCRIPT = re.compile(r"::\n\n(?P<body>(?:    .*\n|\n)+)")
 SINGLE = re.compile(r"(?<![`\w])`(?P<name>[A-Za-z_][\w.]*)`(?!`)")
 
+SEVERAL = re.compile(r"^ {4}(?P<names>\w+(?:, \w+)+): ", re.M)
+"""Parameters that are described together; to griffe all after a space would be a type."""
+
 
 class DocstringMarkup(griffe.Extension):
     """Turns the markup of every docstring before it is rendered."""
@@ -26,6 +29,7 @@ class DocstringMarkup(griffe.Extension):
 
 def as_markdown(text: str) -> str:
     """Roles as code, links or formulas, double backticks as code, displayed formulas between dollars."""
+    text = SEVERAL.sub(lambda found: f"    {found['names'].replace(', ', ',\u00a0')}: ", text)
     text = DISPLAYED.sub(_displayed, text + "\n").rstrip("\n")
     text = SCRIPT.sub(lambda found: f":\n\n```python\n{textwrap.dedent(found['body']).strip()}\n```\n", text + "\n")
     text = ROLE.sub(_role, text.rstrip("\n"))

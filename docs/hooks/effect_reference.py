@@ -70,18 +70,9 @@ def _overview(effects: Iterable[type[AbstractEffect]]) -> list[tuple[str, str, s
 
 def _effect(effect: type[AbstractEffect]) -> str:
     about = as_markdown(inspect.cleandoc(effect.__doc__ or ""))
-    facts = table(
-        ("in a card", "in Python", "signal", "strength", "rigs", "source"),
-        [
-            (
-                code(f"[effects.{effect.name}]"),
-                code(f"jm.effects.{effect.__name__}"),
-                code(effect.slot.name),
-                code(effect.strength),
-                _rigs(effect),
-                effect.source,
-            )
-        ],
+    facts = (
+        f"`[effects.{effect.name}]` in a card, `jm.effects.{effect.__name__}` in Python. Acts on "
+        f"`{effect.slot.name}`; its strength is `{effect.strength}`. Rigs: {_rigs(effect)}. Source: {effect.source}.\n"
     )
     return "\n".join(
         [

@@ -11,6 +11,7 @@ from equations_page import equations_page
 from formulas import with_mathml
 from mkdocs.structure.files import File, Files
 from python_reference import python_reference
+from thresholds import with_thresholds
 
 
 def on_config(config: Any) -> Any:
@@ -33,6 +34,11 @@ def on_files(files: Files, config: Any) -> Files:
     for place, content in written.items():
         files.append(File.generated(config, place, content=content))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Fill in the thresholds of a diagnosis."""
+    return with_thresholds(markdown)
 
 
 def on_page_content(html: str, **_: Any) -> str:
