@@ -1,8 +1,8 @@
-"""Code blocks of Markdown pages, run as a reader runs them, page by page in a folder and a process of its own.
+"""Code blocks of Markdown pages, run as a reader runs them, each page in a folder and a process of its own.
 
-A block of ``python`` or ``bash`` runs after those before it; one with ``title="FILE"`` is written as that file
-instead. A block of ``text`` right below is what it prints. `python tests/code_blocks.py PAGE …` runs pages and
-writes what their blocks print, and the pictures that they draw, into them.
+A block of ``python`` or ``bash`` runs after those before it; one with ``title="FILE"`` is written as that
+file instead. A block of ``text`` right below is what it prints. `python tests/code_blocks.py PAGE …` runs
+pages and writes what their blocks print, and the pictures that they draw, into them.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ def printed_below(text: str) -> dict[int, Block]:
     return {
         number: below
         for number, (block, below) in enumerate(zip(blocks, blocks[1:], strict=False))
-        if block.runs and below.language == "text" and not text[block.end + 3 : below.begin].partition("```")[0].strip()
+        if block.runs
+        and below.language == "text"
+        and not text[block.end + 3 : below.begin].partition("```")[0].strip()
     }
 
 

@@ -1,5 +1,5 @@
-"""README, CONTRIBUTING and the pages of docs: every block of code runs, prints what stands below it, and draws
-the pictures that are shown; the site builds without a warning.
+"""README, CONTRIBUTING and the pages of docs: every block of code runs, prints what stands below it and
+draws the pictures that are shown; the site builds without a warning.
 """
 
 import importlib.util
@@ -13,6 +13,7 @@ import pytest
 from code_blocks import ELSEWHERE, PICTURE, ROOT, blocks_of, printed_below, run_page
 from typer.testing import CliRunner
 
+import jaxmuscle
 from jaxmuscle.cli import app
 
 PAGES = {
@@ -20,7 +21,7 @@ PAGES = {
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
 RUNNING = [name for name, path in PAGES.items() if any(b.runs for b in blocks_of(path.read_text("utf-8")))]
-QUICK = {"docs/index.md", "docs/how-to/gpu.md", "docs/explanation/precision.md"}
+QUICK = {"docs/index.md", "docs/how-to/gpu.md", "CONTRIBUTING.md"}
 """Pages whose blocks take seconds."""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 SHOWN = {"python", "bash", "text", "toml"}
@@ -75,6 +76,13 @@ def test_what_is_installed_is_there():
     assert len(named) >= 3
     assert {each for group in named for each in group.split(",")} <= set(extras)
     assert ELSEWHERE.match("python -m pip install .") and not ELSEWHERE.match("jaxmuscle diagnose")
+
+
+def test_the_version_is_the_same_everywhere():
+    cited = re.findall(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), flags=re.M)
+    changed = re.findall(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
+    assert cited == [jaxmuscle.__version__] == changed[:1]
+    assert changed == sorted(changed, key=lambda each: [*map(int, each.split("."))], reverse=True)
 
 
 def test_readme_is_short_and_points_to_the_pages():

@@ -1,4 +1,4 @@
-"""Reference of cards: every section and key of every rig, read off the rigs' classes as the reader of cards does."""
+"""Reference of cards: every section and key of every rig, read off the rigs' classes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from jaxmuscle.units import KINDS, example_unit
 SAID = {
     "rig": "which machine it is, one of the rigs below; before the first section",
     "description": "a text for readers, optional; before the first section",
-    "columns": "quantity → column of the table: `{ column = \"p_bar\", unit = \"bar\", reference = \"gauge\" }`",
-    "known": "quantities that are held fixed: `{ value = 8, unit = \"kg\" }`",
+    "columns": 'quantity → column of the table: `{ column = "p_bar", unit = "bar", reference = "gauge" }`',
+    "known": 'quantities that are held fixed: `{ value = 8, unit = "kg" }`',
     "uncertain": "quantities that are fitted, with one standard deviation of what is known of them: "
-    "`{ value = 1.2, std = 0.2, unit = \"mm^2\" }`",
-    "effects": "effects that the machine is known to have, a section each, such as `[effects.load_friction]`, "
+    '`{ value = 1.2, std = 0.2, unit = "mm^2" }`',
+    "effects": "effects that the machine is known to have, a section each, `[effects.load_friction]`, "
     "with the parameters of [the effect](effects.md); one with a `std` is fitted",
-    "noise": "standard deviation of a sensor, by the name of its column; found in the data where it is not given: "
-    "`{ value = 0.03, unit = \"mm\" }`",
-    "fit": "`horizon = { value = 1, unit = \"s\" }`: length of the windows of prediction, each from the measured "
-    "state; whole runs when it is not given",
+    "noise": "standard deviation of a sensor, by its column; found in the data where it is not given: "
+    '`{ value = 0.03, unit = "mm" }`',
+    "fit": '`horizon = { value = 1, unit = "s" }`: length of the windows of prediction, each from the '
+    "measured state; whole runs when it is not given",
 }
 """Key or section of a card → what stands in it."""
 
@@ -35,13 +35,15 @@ def card_reference() -> str:
     """The page."""
     parts = [
         "# Cards\n",
-        "A card is a TOML file beside the table of a recording that says how the recording was made. This page is "
-        "generated from the code that reads cards. `jaxmuscle init --rig NAME --list` prints the quantities of a "
-        "rig; [My recording](../how-to/recording.md) shows a whole card.\n",
+        "A card is a TOML file beside the table of a recording that says how the recording was made. This "
+        "page is generated from the code that reads cards. `jaxmuscle init --rig NAME --list` prints the "
+        "quantities of a rig; [My recording](../how-to/recording.md) shows a whole card.\n",
         "## Sections\n",
-        table(("key or section", "what it holds"), [(_named(name), SAID[name]) for name in (*HEADS, *SECTIONS)]),
-        "A quantity stands in `[known]` or in `[uncertain]`, not in both; with a `std` it is fitted wherever it "
-        "stands. A pressure of the machine says its `reference`, `\"gauge\"` or `\"absolute\"`; the ambient "
+        table(
+            ("key or section", "what it holds"), [(_named(name), SAID[name]) for name in (*HEADS, *SECTIONS)]
+        ),
+        "A quantity stands in `[known]` or in `[uncertain]`, not in both; with a `std` it is fitted wherever "
+        'it stands. A pressure of the machine says its `reference`, `"gauge"` or `"absolute"`; the ambient '
         "pressure is always absolute. Parameters of effects are differences and have no reference.\n",
         "## Units\n",
         "Any unit that [pint](https://pint.readthedocs.io) reads will do, of the right kind:\n",
@@ -81,7 +83,9 @@ def _rig(rig: Rig) -> str:
 
 
 def _column(rig: Rig, name: str, need: Need) -> tuple[str, str, str, str]:
-    kinds = {CLOCK.name: "clock, uniform"} | dict.fromkeys(rig.commands, "command, held until the next sample")
+    kinds = {CLOCK.name: "clock, uniform"} | dict.fromkeys(
+        rig.commands, "command, held until the next sample"
+    )
     predicted = name in schema.predicted_columns(rig)
     what = kinds.get(name, "measured, predicted" if predicted else "measured, imposed by the bench")
     reference = ", gauge or absolute" if need.referenced else ""

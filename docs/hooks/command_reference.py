@@ -48,8 +48,14 @@ def _command(name: str, function: Callable[..., Any]) -> str:
             arguments.append((_shown_argument(parameter, kind), _escaped(told.help)))
         elif isinstance(told, OptionInfo):
             options.append((_shown_option(parameter, kind, told), _default(parameter), _escaped(told.help)))
-    usage = " ".join(["jaxmuscle", name, *(["[OPTIONS]"] if options else []), *(shown for shown, _ in arguments)])
-    parts = [f"## `jaxmuscle {name}` {{ #{name} }}\n", f"{inspect.getdoc(function)}\n", f"```text\n{usage}\n```\n"]
+    usage = " ".join(
+        ["jaxmuscle", name, *(["[OPTIONS]"] if options else []), *(shown for shown, _ in arguments)]
+    )
+    parts = [
+        f"## `jaxmuscle {name}` {{ #{name} }}\n",
+        f"{inspect.getdoc(function)}\n",
+        f"```text\n{usage}\n```\n",
+    ]
     if arguments:
         parts.append(table(("argument", "what"), [(code(shown), said) for shown, said in arguments]))
     if options:

@@ -10,12 +10,17 @@ import griffe
 
 ROLE = re.compile(r":(?P<role>[a-z]+):`(?P<text>[^`]+)`", re.S)
 LITERAL = re.compile(r"``(?P<text>[^`]+)``", re.S)
-DISPLAYED = re.compile(r"^(?P<indent> *)\.\. math::(?P<first>.*)\n(?P<rest>(?:(?P=indent) +\S.*\n|(?=\n)\n(?=(?P=indent) +\S))*)", re.M)
+DISPLAYED = re.compile(
+    r"^(?P<indent> *)\.\. math::(?P<first>.*)\n"
+    r"(?P<rest>(?:(?P=indent) +\S.*\n|(?=\n)\n(?=(?P=indent) +\S))*)",
+    re.M,
+)
 SCRIPT = re.compile(r"::\n\n(?P<body>(?:    .*\n|\n)+)")
 SINGLE = re.compile(r"(?<![`\w])`(?P<name>[A-Za-z_][\w.]*)`(?!`)")
 
 SEVERAL = re.compile(r"^ {4}(?P<names>\w+(?:, \w+)+): ", re.M)
 """Parameters that are described together; to griffe all after a space would be a type."""
+UNBROKEN = ",\u00a0"
 
 
 class DocstringMarkup(griffe.Extension):
@@ -29,9 +34,11 @@ class DocstringMarkup(griffe.Extension):
 
 def as_markdown(text: str) -> str:
     """Roles as code, links or formulas, double backticks as code, displayed formulas between dollars."""
-    text = SEVERAL.sub(lambda found: f"    {found['names'].replace(', ', ',\u00a0')}: ", text)
+    text = SEVERAL.sub(lambda found: found[0].replace(", ", UNBROKEN), text)
     text = DISPLAYED.sub(_displayed, text + "\n").rstrip("\n")
-    text = SCRIPT.sub(lambda found: f":\n\n```python\n{textwrap.dedent(found['body']).strip()}\n```\n", text + "\n")
+    text = SCRIPT.sub(
+        lambda found: f":\n\n```python\n{textwrap.dedent(found['body']).strip()}\n```\n", text + "\n"
+    )
     text = ROLE.sub(_role, text.rstrip("\n"))
     return LITERAL.sub(lambda found: f"`{' '.join(found['text'].split())}`", text)
 

@@ -1,4 +1,4 @@
-"""Reference of effects: equation, source, signal and parameters of every effect of the package, from its class."""
+"""Reference of effects: equation, source, signal and parameters of every effect, from its class."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ GROUPS = (
     (
         "Only where they are named",
         DECLARABLE,
-        "Cards may declare them, and `jm.diagnose(…, catalogue=…)` seeks them where they are named: on many "
-        "recordings they imitate others.",
+        "Cards may declare them, and `jm.diagnose(…, catalogue=…)` seeks them where they are named: on "
+        "many recordings they imitate others.",
     ),
     (
         "Alternative forms",
@@ -47,9 +47,10 @@ def effect_reference() -> str:
     """The page."""
     parts = [
         "# Effects\n",
-        "An effect is an addition to one signal of the chain, with a strength at which it vanishes exactly. This "
-        "page is generated from the code. Sources in brackets are [those of the package](../explanation/sources.md); "
-        "`jaxmuscle effects` prints the list, and [My effect](../how-to/effect.md) adds one.\n",
+        "An effect is an addition to one signal of the chain, with a strength at which it vanishes exactly. "
+        "This page is generated from the code. Sources in brackets are [those of the package]"
+        "(../explanation/sources.md); `jaxmuscle effects` prints the list, and [My effect]"
+        "(../how-to/effect.md) adds one.\n",
         "Units that depend on the rig: of a load N or N m, of a motion m or rad.\n",
         "## At a glance\n",
         table(
@@ -63,16 +64,15 @@ def effect_reference() -> str:
 
 
 def _overview(effects: Iterable[type[AbstractEffect]]) -> list[tuple[str, str, str, str]]:
-    return [
-        (f"[`{e.name}`](#{anchor(e)})", code(e.slot.name), _rigs(e), _first(e)) for e in effects
-    ]
+    return [(f"[`{e.name}`](#{anchor(e)})", code(e.slot.name), _rigs(e), _first(e)) for e in effects]
 
 
 def _effect(effect: type[AbstractEffect]) -> str:
     about = as_markdown(inspect.cleandoc(effect.__doc__ or ""))
     facts = (
         f"`[effects.{effect.name}]` in a card, `jm.effects.{effect.__name__}` in Python. Acts on "
-        f"`{effect.slot.name}`; its strength is `{effect.strength}`. Rigs: {_rigs(effect)}. Source: {effect.source}.\n"
+        f"`{effect.slot.name}`; its strength is `{effect.strength}`. Rigs: {_rigs(effect)}. "
+        f"Source: {effect.source}.\n"
     )
     return "\n".join(
         [
@@ -129,8 +129,9 @@ def _sensors() -> str:
     return "\n".join(
         [
             "## Errors of sensors {#sensors}\n",
-            f"Of every measured column of every rig, such as {columns}: `[effects.sensor_offset_pressure]`. A "
-            "measured input is corrected in every link; predictions and a controller's readings show the error.\n",
+            f"Of every measured column of every rig, such as {columns}: `[effects.sensor_offset_pressure]`. "
+            "A measured input is corrected in every link; predictions and a controller's readings show the "
+            "error.\n",
             table(("effect", "meaning", "source"), rows),
             *(f"### {words(k).capitalize()} {{ #{k} }}\n\n{as_markdown(inspect.cleandoc(e.__doc__ or ''))}\n"
               for k, e in KINDS.items()),

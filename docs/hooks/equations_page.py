@@ -1,4 +1,4 @@
-"""Page of equations: the docstrings of components, hysteresis and rigs, which give each equation and its source."""
+"""Page of equations: docstrings of components, hysteresis and rigs, which give each one and its source."""
 
 from __future__ import annotations
 
@@ -17,29 +17,31 @@ from jaxmuscle.robot import arm, second_order
 SECTIONS = (
     ("Gas", (gas.nozzle_flow, gas.ChamberGas)),
     ("Valves", (valves.FlowValve, valves.PressureRegulator, valves.CurrentDriver)),
-    ("Jet pipe and cylinder", (jet_pipe_valve.JetPipe, jet_pipe_valve.Receiver, cylinder.Cylinder, cylinder.Piston)),
+    ("Jet pipe and cylinder", (jet_pipe_valve.JetPipe, jet_pipe_valve.Receiver,
+                               cylinder.Cylinder, cylinder.Piston)),
     ("Muscle", (mckibben.McKibben, mckibben.ThreadMuscle, mckibben.largest_contraction,
                 mckibben.lift_off_pressure, mckibben.isotonic_contraction)),
     ("Antagonistic joint", (antagonist.coefficients, antagonist.torque, antagonist.biceps_triceps_torque,
                             antagonist.static_gain, antagonist.stiffness)),
     ("Hysteresis", (operators.play, operators.stop, operators.dahl, prandtl_ishlinskii.PrandtlIshlinskii,
-                    prandtl_ishlinskii.ExponentialPrandtlIshlinskii, prandtl_ishlinskii.ModifiedPrandtlIshlinskii,
-                    prandtl_ishlinskii.GeneralizedPrandtlIshlinskii, prandtl_ishlinskii.Envelope, frame.FrameRule,
-                    compensation.IntegralInverse)),
+                    prandtl_ishlinskii.ExponentialPrandtlIshlinskii,
+                    prandtl_ishlinskii.ModifiedPrandtlIshlinskii,
+                    prandtl_ishlinskii.GeneralizedPrandtlIshlinskii,
+                    prandtl_ishlinskii.Envelope, frame.FrameRule, compensation.IntegralInverse)),
     ("Robot", (arm.Arm, second_order.SecondOrder)),
     ("Rigs", tuple(RIGS.values())),
 )  # fmt: skip
 INTRODUCTION = """# Equations
 
-Every equation with its source, as the code has it: this page is generated from the docstrings of what computes them.
-Letters in brackets are [the three published systems](sources.md) that the package takes up. The equations of effects
-stand in the [reference of effects](../reference/effects.md).
+Every equation with its source, as the code has it: this page is generated from the docstrings of what
+computes them. Letters in brackets are [the three published systems](sources.md) that the package takes
+up. The equations of effects stand in the [reference of effects](../reference/effects.md).
 
-**Signs and units.** Contraction +, tension +, flow into a chamber +. SI throughout; pressures are absolute unless a name
-says gauge.
+**Signs and units.** Contraction +, tension +, flow into a chamber +. SI throughout; pressures are absolute
+unless a name says gauge.
 
-**The chain.** An actuator is a causal chain of named signals: command, opening, mass flow, pressure, force, motion,
-readings. An effect is an addition to one of them.
+**The chain.** An actuator is a causal chain of named signals: command, opening, mass flow, pressure, force,
+motion, readings. An effect is an addition to one of them.
 """
 ARGUMENTS = re.compile(r"^(Args|Returns|Raises|Attributes|Class variables):", re.M)
 
@@ -57,7 +59,11 @@ def equations_page() -> str:
 def _entry(thing: Any) -> Iterator[str]:
     yield f"### {_title(thing)}\n"
     yield f"{_equations(thing)}\n"
-    methods = [each for name, each in vars(thing).items() if not name.startswith("_")] if inspect.isclass(thing) else []
+    methods = (
+        [each for name, each in vars(thing).items() if not name.startswith("_")]
+        if inspect.isclass(thing)
+        else []
+    )
     for method in methods:
         if inspect.isfunction(method) and "math:" in (method.__doc__ or ""):
             yield f"`{method.__name__}`\n:   " + _equations(method).replace("\n", "\n    ") + "\n"

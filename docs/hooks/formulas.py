@@ -1,4 +1,4 @@
-"""Formulas of a page, marked by arithmatex, as MathML: browsers show it without scripts or fonts from elsewhere."""
+"""Formulas of a page, marked by arithmatex, as MathML, which browsers show without scripts or fonts."""
 
 from __future__ import annotations
 

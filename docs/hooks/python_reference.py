@@ -47,7 +47,9 @@ def _package(package: types.ModuleType) -> str:
         for each in listed
         if (place := _place(name, each)) not in front
     ]
-    return "\n".join([f"# {name}\n", f"{_about(package)}\n", *([f"Also {also}.\n"] if also else []), *entries])
+    return "\n".join(
+        [f"# {name}\n", f"{_about(package)}\n", *([f"Also {also}.\n"] if also else []), *entries]
+    )
 
 
 def _is_module(name: str) -> bool:
@@ -72,4 +74,6 @@ def _place(package: str, name: str) -> str:
 
 
 def _entry(place: str, title: str) -> str:
-    return f"::: {place}\n    options:\n      heading: \"{title}\"\n      toc_label: \"{title.rpartition('.')[2]}\"\n"
+    options = {"heading": title, "toc_label": title.rpartition(".")[2]}
+    lines = "\n".join(f'      {name}: "{value}"' for name, value in options.items())
+    return f"::: {place}\n    options:\n{lines}\n"

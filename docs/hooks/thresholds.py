@@ -1,4 +1,4 @@
-"""Table of the thresholds by which a diagnosis judges, with what they were tuned on, from the modules that hold them."""
+"""Thresholds by which a diagnosis judges, with what they were tuned on, from the modules that hold them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ PLACES = {
     "jaxmuscle.diagnosis.ranking": ("PROMISING", "MOST"),
     "jaxmuscle.diagnosis.pairs": ("LEADERS", "NEEDED"),
     "jaxmuscle.diagnosis.folds": ("FOLDS",),
-    "jaxmuscle.diagnosis.verdict": ("MISSING", "IMITATED", "MUCH", "EXPLAINED", "SURE", "VIOLATED", "SURPRISING"),
+    "jaxmuscle.diagnosis.verdict": ("MISSING", "IMITATED", "MUCH", "EXPLAINED", "SURE", "VIOLATED",
+                                    "SURPRISING"),
 }  # fmt: skip
 """Module → its thresholds."""
 MARK = "<!-- thresholds -->"
@@ -41,7 +42,9 @@ def _said(source: str) -> dict[str, str]:
     return {
         target.id: inspect.cleandoc(below.value.value)
         for node, below in pairs
-        if isinstance(node, ast.Assign) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+        if isinstance(node, ast.Assign)
+        and isinstance(below, ast.Expr)
+        and isinstance(below.value, ast.Constant)
         for target in node.targets
         for target in (target.elts if isinstance(target, ast.Tuple) else [target])
         if isinstance(target, ast.Name)
