@@ -9,7 +9,7 @@ from typing import Any
 import griffe
 
 ROLE = re.compile(r":(?P<role>[a-z]+):`(?P<text>[^`]+)`", re.S)
-LITERAL = re.compile(r"``(?P<text>[^`]+)``", re.S)
+LITERAL = re.compile(r"(?<!`)``(?P<text>[^`]+)``(?!`)", re.S)
 DISPLAYED = re.compile(
     r"^(?P<indent> *)\.\. math::(?P<first>.*)\n"
     r"(?P<rest>(?:(?P=indent) +\S.*\n|(?=\n)\n(?=(?P=indent) +\S))*)",

@@ -15,7 +15,7 @@ def python_reference() -> dict[str, tuple[str, str]]:
     for name in jaxmuscle.__all__:
         thing = getattr(jaxmuscle, name)
         if _is_module(name):
-            pages[f"{name}.md"] = (thing.__name__, _package(thing))
+            pages[f"{name}.md"] = (f"jaxmuscle.{name}", _package(f"jaxmuscle.{name}", thing))
     return pages
 
 
@@ -30,7 +30,7 @@ def _front() -> str:
     )
 
 
-def _package(package: types.ModuleType) -> str:
+def _package(title: str, package: types.ModuleType) -> str:
     name = package.__name__
     listed = [each for each in getattr(package, "__all__", ()) if _is_documented(package, each)]
     if not hasattr(package, "__all__"):
@@ -43,12 +43,12 @@ def _package(package: types.ModuleType) -> str:
     told = [front[place] for each in listed if (place := _place(name, each)) in front]
     also = ", ".join(f"[`jm.{each}`](jaxmuscle.md#{_place('jaxmuscle', each)})" for each in told)
     entries = [
-        _entry(place, f"{name.replace('jaxmuscle', 'jm', 1)}.{each}")
+        _entry(place, f"{title.replace('jaxmuscle', 'jm', 1)}.{each}")
         for each in listed
         if (place := _place(name, each)) not in front
     ]
     return "\n".join(
-        [f"# {name}\n", f"{_about(package)}\n", *([f"Also {also}.\n"] if also else []), *entries]
+        [f"# {title}\n", f"{_about(package)}\n", *([f"Also {also}.\n"] if also else []), *entries]
     )
 
 
