@@ -101,7 +101,8 @@ def run_page(page: Path, folder: Path) -> dict[int, str]:
 
 def _run_inside(page: Path, result: Path) -> None:
     """Run all blocks of a page in this process and the present folder."""
-    programs = Path(tempfile.mkdtemp())
+    programs = result.parent / ".programs"
+    programs.mkdir()
     for name, command in {"jaxmuscle": "-m jaxmuscle.cli", "python": ""}.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {command} "$@"\n', encoding="utf-8")
         (programs / name).chmod(0o755)
