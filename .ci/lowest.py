@@ -8,7 +8,7 @@ project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_t
     "project"
 ]
 extras = project["optional-dependencies"]
-wanted = [*project["dependencies"], *extras["distributed"], *extras["test"]]
+wanted = [*project["dependencies"], *extras["distributed"], *extras["test"], *extras["docs"]]
 for requirement in wanted:
     name, bound = re.match(r"([\w.-]+)(?:\[.*\])?(?:>=([\w.]+))?", requirement).groups()
     if bound:

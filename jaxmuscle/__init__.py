@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from jaxmuscle.sweeps import commands, sweep
     from jaxmuscle.tuning import tune
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 prepare()
 

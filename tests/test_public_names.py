@@ -39,8 +39,9 @@ def sources_of(notebook):
 
 
 def documented():
-    """Dotted names below the package in the README, the notebooks and the package's own docstrings."""
-    texts = [(ROOT / "README.md").read_text(encoding="utf-8")]
+    """Dotted names below the package in the README, the pages of docs and the notebooks."""
+    pages = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md"))
+    texts = [page.read_text(encoding="utf-8") for page in pages]
     texts += [sources_of(file) for file in (ROOT / "notebooks").glob("*.ipynb")]
     found = {name for text in texts for name in [*NAME.findall(text), *BACKTICKED.findall(text)]}
     return sorted(name.removeprefix(".") for name in found)

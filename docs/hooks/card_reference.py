@@ -1,0 +1,107 @@
+"""Reference of cards: every section and key of every rig, read off the rigs' classes."""
+
+from __future__ import annotations
+
+from effect_reference import anchor
+from tables import code, table
+
+import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects import CATALOGUE, FURTHER
+from jaxmuscle.recordings import schema
+from jaxmuscle.recordings.card_sections import HEADS, SECTIONS
+from jaxmuscle.recordings.schema import CLOCK, Need, Rig
+from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
+from jaxmuscle.units import KINDS, example_unit
+
+SAID = {
+    "rig": "which machine it is, one of the rigs below; before the first section",
+    "description": "a text for readers, optional; before the first section",
+    "columns": 'quantity → column of the table: `{ column = "p_bar", unit = "bar", reference = "gauge" }`',
+    "known": 'quantities that are held fixed: `{ value = 8, unit = "kg" }`',
+    "uncertain": "quantities that are fitted, with one standard deviation of what is known of them: "
+    '`{ value = 1.2, std = 0.2, unit = "mm^2" }`',
+    "effects": "effects that the machine is known to have, a section each, `[effects.load_friction]`, "
+    "with the parameters of [the effect](effects.md); one with a `std` is fitted",
+    "noise": "standard deviation of a sensor, by its column; found in the data where it is not given: "
+    '`{ value = 0.03, unit = "mm" }`',
+    "fit": '`horizon = { value = 1, unit = "s" }`: length of the windows of prediction, each from the '
+    "measured state; whole runs when it is not given",
+}
+"""Key or section of a card → what stands in it."""
+
+
+def card_reference() -> str:
+    """The page."""
+    parts = [
+        "# Cards\n",
+        "A card is a TOML file beside the table of a recording that says how the recording was made. This "
+        "page is generated from the code that reads cards. `jaxmuscle init --rig NAME --list` prints the "
+        "quantities of a rig; [My recording](../how-to/recording.md) shows a whole card.\n",
+        "## Sections\n",
+        table(
+            ("key or section", "what it holds"), [(_named(name), SAID[name]) for name in (*HEADS, *SECTIONS)]
+        ),
+        "A quantity stands in `[known]` or in `[uncertain]`, not in both; with a `std` it is fitted wherever "
+        'it stands. A pressure of the machine says its `reference`, `"gauge"` or `"absolute"`; the ambient '
+        "pressure is always absolute. Parameters of effects are differences and have no reference.\n",
+        "## Units\n",
+        "Any unit that [pint](https://pint.readthedocs.io) reads will do, of the right kind:\n",
+        table(
+            ("what", "such as", "SI"),
+            [(kind, code(usual), code(unit)) for unit, (kind, usual) in KINDS.items() if unit],
+        ),
+    ]
+    return "\n".join([*parts, *(_rig(rig) for rig in RIGS.values())])
+
+
+def _named(name: str) -> str:
+    return code(name if name in HEADS else f"[{name}]")
+
+
+def _rig(rig: Rig) -> str:
+    quantities = schema.quantities(rig).items()
+    offered = [effect for effect in (*CATALOGUE, *FURTHER) if rig.offers(effect)]
+    found = ", ".join(f"[`{effect.name}`](effects.md#{anchor(effect)})" for effect in offered)
+    return "\n".join(
+        [
+            f"## Rig `{rig.rig}` {{ #{rig.rig} }}\n",
+            f"{rig_in_words(rig)[:1].upper()}{rig_in_words(rig)[1:]}.\n".replace("..", "."),
+            "### Columns\n".replace("Columns", f"Columns of `{rig.rig}`"),
+            table(
+                ("column", "unit", "in `[noise]`", "what"),
+                [_column(rig, name, need) for name, need in schema.columns(rig).items()],
+            ),
+            f"### Quantities of `{rig.rig}`\n",
+            table(
+                ("quantity", "unit", "typical or taken", "has to be given", "meaning"),
+                [_quantity(rig, name, need) for name, need in quantities],
+            ),
+            f"Effects that it can have: {found}, and errors of the sensor of every measured column.\n",
+        ]
+    )
+
+
+def _column(rig: Rig, name: str, need: Need) -> tuple[str, str, str, str]:
+    kinds = {CLOCK.name: "clock, uniform"} | dict.fromkeys(
+        rig.commands, "command, held until the next sample"
+    )
+    predicted = name in schema.predicted_columns(rig)
+    what = kinds.get(name, "measured, predicted" if predicted else "measured, imposed by the bench")
+    reference = ", gauge or absolute" if need.referenced else ""
+    noisy = "" if name in kinds else "yes"
+    return code(name), f"such as {code(example_unit(need.unit)) or 'a number'}{reference}", noisy, what
+
+
+def _quantity(rig: Rig, name: str, need: Need) -> tuple[str, str, str, str, str]:
+    taken, usual = default_in_card(rig, name), typical(name, need)
+    reference = " gauge or absolute" if need.referenced else ""
+    if taken is not None:
+        value = f"{taken[0]:g} {taken[1]}{' absolute' if need.referenced else ''} when not given"
+    else:
+        value = "" if usual is None else f"{usual}{' gauge' if need.referenced else ''} ({usual.source})"
+    unit = f"{code(card_unit(name, need)) or 'a number'}{reference}"
+    return code(name), unit, value, "yes" if need.required else "", meaning_in_card(need)
+
+
+assert {*SAID} == {*HEADS, *SECTIONS}, "a section of cards is not said here"
