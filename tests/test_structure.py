@@ -44,6 +44,7 @@ ON_THE_SIDE = {
     "_compilation_cache": {"errors"},
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
+    "figure_style": set(),
     "progress": set(),
     "parallel": {"_config"},
 }

@@ -1,4 +1,4 @@
-"""One look for all figures, and their way into a page."""
+"""One look for figures, curves that keep their extremes, and a figure's way into a page."""
 
 from __future__ import annotations
 
