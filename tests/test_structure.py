@@ -44,7 +44,9 @@ ON_THE_SIDE = {
     "_compilation_cache": {"errors"},
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
-    "figure_style": set(),
+    "decimation": set(),
+    "figure_style": {"decimation"},
+    "notebook_html": {"decimation", "formatting", "parameters"},
     "progress": set(),
     "parallel": {"_config"},
 }

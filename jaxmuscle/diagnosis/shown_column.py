@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.diagnosis.diagnosis_data import DiagnosisData
 from jaxmuscle.units import scale, to_si
 
 
@@ -30,7 +30,7 @@ class ShownColumn:
         return formatting.join(formatting.rounded(si / self.size), self.unit)
 
 
-def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
+def shown_column(diagnosis: DiagnosisData, column: str) -> ShownColumn:
     """How a column of the recording is printed: in the unit and reference of its card."""
     card, si = diagnosis.recording.card, diagnosis.units[column]
     spec = card.columns[column]

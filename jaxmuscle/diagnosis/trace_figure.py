@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from jaxmuscle.diagnosis.result import Diagnosis, Series, Traces
+from jaxmuscle.diagnosis.diagnosis_data import DiagnosisData, Series, Traces
 from jaxmuscle.diagnosis.shown_column import ShownColumn, shown_column
-from jaxmuscle.figure_style import AFTER, BEFORE, INK, MUTED, SHADE, WIDTH, curve
+from jaxmuscle.figure_style import AFTER, BEFORE, INK, MUTED, SHADE, STYLE, WIDTH, curve
 from jaxmuscle.figure_style import figure as empty_figure
 from jaxmuscle.formatting import capital, join, rounded, words
 
@@ -25,11 +27,32 @@ NARROW = 0.05
 """Part of an axis below which the edges of the noise band would hide what lies in it."""
 
 
-def trace_figure(diagnosis: Diagnosis, column: str) -> Figure:
+def trace_figure(diagnosis: DiagnosisData, column: str) -> Figure:
     """Column over time (top), its residual (middle) and the most telling held-out window (bottom)."""
+    drawing = empty_figure(_height(diagnosis, column), WIDTH)
+    _draw(drawing, diagnosis, column)
+    return drawing
+
+
+def diagnosis_figure(diagnosis: DiagnosisData, columns: Sequence[str]) -> Figure:
+    """:func:`trace_figure` of several columns, one beneath the other, on white."""
+    heights = [_height(diagnosis, column) for column in columns]
+    with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
+        drawing = empty_figure(sum(heights), WIDTH)
+        parts: Any = drawing.subfigures(len(columns), 1, height_ratios=heights, squeeze=False)
+        for part, column in zip(parts[:, 0], columns, strict=True):
+            _draw(part, diagnosis, column)
+            part.suptitle(trace_caption(diagnosis, column), fontsize=10.5, x=0.01, ha="left")
+    return drawing
+
+
+def _height(diagnosis: DiagnosisData, column: str) -> float:
+    return 6.9 if _worth_a_look(diagnosis, column) else 4.4
+
+
+def _draw(drawing: Figure | SubFigure, diagnosis: DiagnosisData, column: str) -> None:
     shown, rows = shown_column(diagnosis, column), telling_rows(diagnosis, column)
     closer = _worth_a_look(diagnosis, column)
-    drawing = empty_figure(6.9 if closer else 4.4, WIDTH)
     grid = drawing.add_gridspec(3 if closer else 2, 1, height_ratios=(1.25, 0.9, 1.35)[: 3 if closer else 2])
     top = drawing.add_subplot(grid[0])
     middle = drawing.add_subplot(grid[1], sharex=top)
@@ -43,10 +66,9 @@ def trace_figure(diagnosis: Diagnosis, column: str) -> Figure:
         for axes in (top, middle):
             axes.axvspan(time[0], time[-1], fill=False, edgecolor=MUTED, linewidth=0.9, linestyle=(0, (3, 2)))
     drawing.align_ylabels()
-    return drawing
 
 
-def residuals_of(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Series]]:
+def residuals_of(diagnosis: DiagnosisData, column: str) -> list[tuple[str, str, Series]]:
     """(label, colour, predicted - measured) of the declared and, when anything was added, the final model."""
     traces = diagnosis.traces
     measured = traces.measured[column]
@@ -55,7 +77,7 @@ def residuals_of(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Seri
     ]
 
 
-def models_of(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Series]]:
+def models_of(diagnosis: DiagnosisData, column: str) -> list[tuple[str, str, Series]]:
     """(label, colour, prediction) of the declared and, when anything was added, the final model."""
     traces = diagnosis.traces
     if not diagnosis.added:
@@ -63,7 +85,7 @@ def models_of(diagnosis: Diagnosis, column: str) -> list[tuple[str, str, Series]
     return [("before", BEFORE, traces.before[column]), ("after", AFTER, traces.after[column])]
 
 
-def _overview(axes: Axes, diagnosis: Diagnosis, shown: ShownColumn) -> None:
+def _overview(axes: Axes, diagnosis: DiagnosisData, shown: ShownColumn) -> None:
     traces = diagnosis.traces
     _shade(axes, traces, label=True)
     measured = shown.values(traces.measured[shown.name])
@@ -76,7 +98,7 @@ def _overview(axes: Axes, diagnosis: Diagnosis, shown: ShownColumn) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, handlelength=1.6)
 
 
-def _residuals(axes: Axes, diagnosis: Diagnosis, shown: ShownColumn) -> None:
+def _residuals(axes: Axes, diagnosis: DiagnosisData, shown: ShownColumn) -> None:
     traces = diagnosis.traces
     _shade(axes, traces)
     band = 2 * diagnosis.noise[shown.name] / shown.size
@@ -94,7 +116,7 @@ def _residuals(axes: Axes, diagnosis: Diagnosis, shown: ShownColumn) -> None:
     axes.set_xlabel("time [s]")
 
 
-def _closer(axes: Axes, diagnosis: Diagnosis, shown: ShownColumn, rows: NDArray[np.int64]) -> None:
+def _closer(axes: Axes, diagnosis: DiagnosisData, shown: ShownColumn, rows: NDArray[np.int64]) -> None:
     traces = diagnosis.traces
     time = traces.time[rows]
     curve(axes, time, shown.values(traces.measured[shown.name][rows]), color=INK, linewidth=2.8)
@@ -130,18 +152,18 @@ def broken(predicted: Series, traces: Traces) -> Series:
     return values
 
 
-def _worth_a_look(diagnosis: Diagnosis, column: str) -> bool:
+def _worth_a_look(diagnosis: DiagnosisData, column: str) -> bool:
     if diagnosis.added:
         return _improved(diagnosis, column)
     return diagnosis.after["held_out"][column].in_noise > VISIBLE
 
 
-def _improved(diagnosis: Diagnosis, column: str) -> bool:
+def _improved(diagnosis: DiagnosisData, column: str) -> bool:
     before, after = (part["held_out"][column] for part in (diagnosis.before, diagnosis.after))
     return before.in_noise > VISIBLE and after.rmse < WORTH_A_LOOK * before.rmse
 
 
-def telling_rows(diagnosis: Diagnosis, column: str) -> NDArray[np.int64]:
+def telling_rows(diagnosis: DiagnosisData, column: str) -> NDArray[np.int64]:
     """The held-out window in which most was gained, or is left to gain when nothing was added."""
     traces = diagnosis.traces
     measured, held = traces.measured[column], np.flatnonzero(traces.held_out)
@@ -154,7 +176,7 @@ def telling_rows(diagnosis: Diagnosis, column: str) -> NDArray[np.int64]:
     return max(pieces, key=lambda rows: np.nansum(score[rows]), default=np.arange(len(measured)))
 
 
-def trace_caption(diagnosis: Diagnosis, column: str) -> str:
+def trace_caption(diagnosis: DiagnosisData, column: str) -> str:
     """What to see in :func:`trace_figure`."""
     name, shown = capital(words(column)), shown_column(diagnosis, column)
     before, after = (part["held_out"][column] for part in (diagnosis.before, diagnosis.after))

@@ -9,7 +9,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxmuscle.diagnosis.result import Diagnosis, Reveal, Round, Series
+from jaxmuscle.diagnosis.diagnosis_data import Reveal, Round, Series
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.figure_style import AFTER, BEFORE, INK, MUTED, figure
 from jaxmuscle.formatting import parameter_words, percent, printed_unit, words
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.diagnosis.result import Diagnosis, Series, Traces
+from jaxmuscle.decimation import extremes
+from jaxmuscle.diagnosis.diagnosis_data import Series, Traces
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.diagnosis.trace_figure import broken, models_of, telling_rows
-from jaxmuscle.figure_style import extremes
 from jaxmuscle.formatting import capital, words
 
 MOST = 6000

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, Round
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, Round
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
 from jaxmuscle.recordings.card import Card

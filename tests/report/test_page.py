@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from report.fake import diagnosis
 
+from jaxmuscle.decimation import extremes
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
-from jaxmuscle.figure_style import extremes
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
