@@ -29,6 +29,7 @@ ORDER = (
     "recordings",
     "simulation",
     "analysis",
+    "animation",
     "control",
     "sweeps",
     "estimation",

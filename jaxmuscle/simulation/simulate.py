@@ -93,13 +93,15 @@ class Simulation(eqx.Module):
     """Readings of a machine over time, SI: output → array with a leading axis of samples.
 
     `error`, if it was asked for: how far each reading may be from that of infinitely short steps, up to
-    each sample. `units`: output → SI unit.
+    each sample. `units`: output → SI unit. `command`: what was held from each
+    sample on.
     """
 
     time: Float[Array, " samples"]
     readings: dict[str, Float[Array, "samples *muscles"]]
     error: dict[str, Float[Array, "samples *muscles"]] | None = None
     units: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
+    command: Float[Array, "samples *muscles"] | None = None
 
     def plot(self, recording: Recording | None = None) -> Figure:
         """A matplotlib figure: every reading over time, in units of the right size.
@@ -201,9 +203,10 @@ def simulate(
         if group[0] in actuator.columns
     )
     if not error:
-        return Simulation(jnp.asarray(clock), readings, units=units)
+        return Simulation(jnp.asarray(clock), readings, units=units, command=track.command)
     finer = _run(actuator, track, len(clock), steps.finer(), hidden)
-    return Simulation(jnp.asarray(clock), readings, jax.tree.map(_bound, readings, finer), units)
+    bound = jax.tree.map(_bound, readings, finer)
+    return Simulation(jnp.asarray(clock), readings, bound, units, track.command)
 
 
 def _bound(coarse: Array, fine: Array) -> Array:
