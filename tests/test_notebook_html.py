@@ -75,8 +75,10 @@ def tuning() -> Tuning:
         for cost in (4.0, 1.0, 5.0, 2.0)
     ]
     gain = Gain(2.5e4, 1e5, "Pa/rad", "proportional gain", 0.0, 1e6, "", 0.012, 0.034)
+    before, after, unseen_before, unseen_after = sides
     return Tuning(
-        {"proportional": gain}, *sides, {"tracking": "rad"}, "converged", ("A note.",),
+        {"proportional": gain}, before, after, unseen_before, unseen_after, {"tracking": "rad"},
+        "converged", ("A note.",),
         {"training: first": pd.DataFrame(columns, index=clock)}, 12, 3.4,
     )  # fmt: skip
 
@@ -165,7 +167,7 @@ def test_a_curve_keeps_its_peak_and_breaks_at_gaps() -> None:
 def test_parameters_are_shown_in_units_of_the_right_size() -> None:
     rows = parameter_rows(actuator_from_card(recording().card))
     assert rows["muscle.initial_length"] == ("muscle: initial length", "300.0 mm", "active length at rest")
-    model = jm.hysteresis.PrandtlIshlinskii(2.0, jnp.arange(8.0), jnp.array([0.5, 1.0]))
+    model = jm.hysteresis.PrandtlIshlinskii(jnp.asarray(2.0), jnp.arange(8.0), jnp.array([0.5, 1.0]))
     values = {path: value for path, (_, value, _) in parameter_rows(model).items()}
     assert values["weights"] == "8 numbers" and values["thresholds"].startswith("0.5000")
 

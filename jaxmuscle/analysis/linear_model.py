@@ -147,8 +147,8 @@ class LinearModel(eqx.Module):
         return linear_model_view(self._plain()).html()
 
     def _plain(self) -> StateSpace:
-        matrices = (np.asarray(each) for each in (self.a, self.b, self.c, self.d))
-        return StateSpace(*matrices, self.states, self.inputs, self.outputs)
+        a, b, c, d = (np.asarray(each) for each in (self.a, self.b, self.c, self.d))
+        return StateSpace(a, b, c, d, self.states, self.inputs, self.outputs)
 
     def _places(self, output: str, input: str | None) -> tuple[int, int]:
         if output not in self.outputs:

@@ -157,8 +157,8 @@ class Animation:
                 axes.set_title(f"{words(name)} [{unit}]" if unit else words(name), fontsize=9)
                 axes.tick_params(labelsize=7.5, labelbottom=row == len(shown) - 1)
                 axes.margins(x=0)
+                axes.set_xlabel("time [s]" if row == len(shown) - 1 else "", fontsize=8.5)
                 cursors.append(axes.axvline(self.clock[0], color=AFTER, linewidth=1.4))
-            axes.set_xlabel("time [s]", fontsize=8.5)
         return drawing, machine, cursors
 
     def _show(self, machine: Axes, cursors: Sequence[Any], time: float) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import singledispatch
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrow, Rectangle
@@ -138,7 +139,7 @@ def joint_scene(actuator: AbstractOpposedMuscles) -> Scene:
 
     def draw(axes: Axes, now: Moment, level: Mapping[str, float]) -> None:
         angle = now["angle"]
-        wound = float(np.asarray(winding(actuator.effects, np.asarray(angle))))
+        wound = float(winding(actuator.effects, jnp.asarray(angle)))
         shortened = middle + radius * wound * SIDES
         wall(axes, (left, -0.13 * length), (left, 0.13 * length), -0.03 * length)
         for i, side in enumerate(SIDES):
@@ -214,7 +215,7 @@ def text(axes: Axes, x: float, y: float, words: str, **look: Any) -> None:
 def arrow(axes: Axes, x: float, y: float, length: float, width: float) -> None:
     """An arrow to the right."""
     if length > 0:
-        head = {"head_width": 2.2 * width, "head_length": min(2 * width, length)}
+        head: dict[str, Any] = {"head_width": 2.2 * width, "head_length": min(2 * width, length)}
         body: dict[str, Any] = {"width": width, "length_includes_head": True, "color": AFTER, "zorder": 6}
         axes.add_patch(FancyArrow(x, y, length, 0.0, **body, **head))
 

@@ -31,8 +31,8 @@ def simulation_figure(
 
     from jaxmuscle.figure_style import AFTER, INK, STYLE, curve, figure
 
-    clock, columns = measured if measured is not None else (None, {})
-    if clock is not None and not set(columns) & set(table):
+    clock, columns = measured if measured is not None else (np.array([]), {})
+    if measured is not None and not set(columns) & set(table):
         raise InputError(
             f"plot: the recording has {', '.join(columns)}, the simulation {', '.join(map(str, table))}: "
             f"expected a recording of the same rig"
@@ -48,7 +48,7 @@ def simulation_figure(
             curve(panel, table.index.to_numpy(), values / size, color=AFTER, lw=1.3, label="simulated")
             panel.set_ylabel(words(name) + (f" [{unit}]" if unit else ""))
             panel.margins(x=0.005)
-        if clock is not None:
+        if measured is not None:
             panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
     return drawing

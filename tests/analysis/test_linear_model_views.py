@@ -1,6 +1,7 @@
 """Bode plot and export of a linear model, held against python-control and closed forms."""
 
 import builtins
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,8 +26,8 @@ def joint() -> LinearModel:
 
 def response_of(model: LinearModel) -> np.ndarray:
     """At OMEGA, by NumPy."""
-    matrices = (np.asarray(each) for each in (model.a, model.b, model.c, model.d))
-    return StateSpace(*matrices, model.states, model.inputs, model.outputs).response(OMEGA)
+    a, b, c, d = (np.asarray(each) for each in (model.a, model.b, model.c, model.d))
+    return StateSpace(a, b, c, d, model.states, model.inputs, model.outputs).response(OMEGA)
 
 
 def first_order(tau: float) -> LinearModel:
@@ -38,9 +39,11 @@ def first_order(tau: float) -> LinearModel:
 def test_bode_plot_of_a_first_order_lag() -> None:
     above, below = first_order(0.1).bode(omega=OMEGA).axes
     gain = 20 * np.log10(3 / np.sqrt(1 + (0.1 * OMEGA) ** 2))
-    np.testing.assert_allclose(above.lines[0].get_ydata(), gain, atol=1e-9)
-    np.testing.assert_allclose(below.lines[0].get_ydata(), -np.rad2deg(np.arctan(0.1 * OMEGA)), atol=1e-9)
-    np.testing.assert_allclose(above.lines[0].get_xdata(), OMEGA)
+    np.testing.assert_allclose(np.asarray(above.lines[0].get_ydata()), gain, atol=1e-9)
+    np.testing.assert_allclose(
+        np.asarray(below.lines[0].get_ydata()), -np.rad2deg(np.arctan(0.1 * OMEGA)), atol=1e-9
+    )
+    np.testing.assert_allclose(np.asarray(above.lines[0].get_xdata()), OMEGA)
     assert (above.get_ylabel(), below.get_xlabel()) == ("magnitude [dB]", "frequency [rad/s]")
 
 
@@ -84,7 +87,7 @@ def test_without_python_control_the_extra_is_named(
 ) -> None:
     load = builtins.__import__
 
-    def refused(name: str, *rest: object) -> object:
+    def refused(name: str, *rest: Any) -> object:
         if name == "control":
             raise ImportError(name)
         return load(name, *rest)
@@ -100,7 +103,7 @@ def test_what_cannot_be_drawn_is_told(joint: LinearModel) -> None:
     with pytest.raises(InputError, match="expected an input of"):
         joint.bode("angle", "voltage")
     with pytest.raises(InputError, match="frequencies above zero"):
-        joint.bode(omega=[0.0, 1.0])
+        joint.bode(omega=np.array([0.0, 1.0]))
     many = jax.tree.map(lambda x: jnp.stack([x, x]), joint)
     with pytest.raises(InputError, match="many at once"):
         many.bode()

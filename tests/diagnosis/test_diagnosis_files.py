@@ -60,7 +60,7 @@ def test_everything_is_the_same_after_loading(whole: Diagnosis, tmp_path: Path) 
     loaded = Diagnosis.load(file)
     for field in dataclasses.fields(whole):
         assert same(getattr(whole, field.name), getattr(loaded, field.name)), field.name
-    assert loaded.fit is not None and loaded.fit.values == whole.fit.values
+    assert loaded.fit is not None and whole.fit is not None and loaded.fit.values == whole.fit.values
     assert repr(loaded) == repr(whole) and loaded.added == whole.added
     # Saved once more it is the same file.
     assert loaded.save(tmp_path / "again.json").read_bytes() == file.read_bytes()

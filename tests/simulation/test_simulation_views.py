@@ -22,9 +22,11 @@ def test_readings_and_what_was_measured_in_units_of_the_right_size(short: jm.Rec
     panels = {axes.get_ylabel(): axes for axes in drawn.axes}
     assert set(panels) == {"pressure [bar absolute]", "position [mm]"}
     measured, simulated = panels["position [mm]"].lines
-    np.testing.assert_allclose(measured.get_ydata(), 1e3 * short.columns["position"], rtol=1e-12)
-    np.testing.assert_allclose(simulated.get_ydata(), 1e3 * np.asarray(simulation.readings["position"]))
-    np.testing.assert_allclose(simulated.get_xdata(), short.time)
+    np.testing.assert_allclose(np.asarray(measured.get_ydata()), 1e3 * short.columns["position"], rtol=1e-12)
+    np.testing.assert_allclose(
+        np.asarray(simulated.get_ydata()), 1e3 * np.asarray(simulation.readings["position"])
+    )
+    np.testing.assert_allclose(np.asarray(simulated.get_xdata()), short.time)
     assert [len(axes.lines) for axes in simulation.plot().axes] == [1, 1]
 
 
@@ -40,7 +42,7 @@ def test_what_cannot_be_drawn_is_told(short: jm.Recording) -> None:
     actuator, times = actuator_from_card(short.card), np.arange(20) * 2e-3
     simulation = jm.simulate(actuator, np.ones(20), times)
     with pytest.raises(InputError, match="expected a recording; got str"):
-        simulation.plot("lift.csv")
+        simulation.plot("lift.csv")  # pyright: ignore[reportArgumentType]
     joint = jm.robot.robot_joint(inertia=0.64)
     other = jm.simulate(joint, np.full((20, 2), 3e5), times)
     with pytest.raises(InputError, match="expected a recording of the same rig"):
