@@ -25,6 +25,8 @@ def test_diagnosis_simulation_and_fit(tmp_path, monkeypatch, capsys):
     (block,) = [block for block in BLOCKS if "jm.diagnose" in block]
     names = run(block, tmp_path, monkeypatch)
     assert [effect.name for effect in names["diagnosis"].effects] == ["load_friction"]
+    loaded = names["jm"].Diagnosis.load(tmp_path / "lift.json")
+    assert repr(loaded) == repr(names["diagnosis"]) and loaded.fit.values == names["diagnosis"].fit.values
     assert {"pressure", "position"} <= set(names["predicted"].columns)
     assert "load_friction" in capsys.readouterr().out
 

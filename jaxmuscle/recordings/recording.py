@@ -93,7 +93,11 @@ def _view(recording: Recording) -> View:
         facts,
         lead=[card.description] if card.description else [],
         tables=[
-            Table("columns", ("", "from", "to", "noise", "missing", ""), columns),
+            Table(
+                "columns (pressures absolute)" if "Pa" in units.values() else "columns",
+                ("", "from", "to", "noise", "missing", ""),
+                columns,
+            ),
             Table("card", ("", "value"), given, open=False),
             Table("effects that the card declares", ("", "parameters"), effects, open=False),
         ],

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.notebook_html import View
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation.run import run
 from jaxmuscle.simulation.sensor_errors import true_track
@@ -110,7 +111,7 @@ class Simulation(eqx.Module):
             recording: what was measured, drawn beneath: columns of the same names, on its own clock.
 
         Raises:
-            InputError: nothing that a recording can be; a recording without any of these columns; many
+            InputError: what is no recording; a recording without any of these columns; many
                 simulations at once.
         """
         measured = None
@@ -122,6 +123,8 @@ class Simulation(eqx.Module):
 
     def _repr_html_(self) -> str:
         """What a notebook shows: every reading with its range and course."""
+        if self.time.ndim != 1:
+            return View("simulations", f"{' × '.join(map(str, self.time.shape[:-1]))} at once").html()
         return simulation_view(self._table(), dict(self.units)).html()
 
     def _table(self) -> pd.DataFrame:

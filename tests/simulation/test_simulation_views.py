@@ -52,3 +52,4 @@ def test_what_cannot_be_drawn_is_told(short: jm.Recording) -> None:
     )
     with pytest.raises(InputError, match="many at once"):
         many.plot()
+    assert "2 at once" in many._repr_html_()
