@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jaxmuscle import (
         actuators,
         analysis,
+        animation,
         components,
         control,
         effects,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
         tuning,
     )
     from jaxmuscle._config import configure
+    from jaxmuscle.animation import animate, draw
     from jaxmuscle.diagnosis import Diagnosis, diagnose
     from jaxmuscle.errors import InputError
     from jaxmuscle.estimation import FitResult, fit
@@ -51,12 +53,15 @@ _PLACES = {
     "actuator": ("jaxmuscle.recordings", "actuator_from_card"),
     "actuators": ("jaxmuscle.actuators", None),
     "analysis": ("jaxmuscle.analysis", None),
+    "animate": ("jaxmuscle.animation", "animate"),
+    "animation": ("jaxmuscle.animation", None),
     "commands": ("jaxmuscle.sweeps.commands", None),
     "components": ("jaxmuscle.components", None),
     "configure": ("jaxmuscle._config", "configure"),
     "control": ("jaxmuscle.control", None),
     "describe": ("jaxmuscle.parameters", "describe"),
     "diagnose": ("jaxmuscle.diagnosis", "diagnose"),
+    "draw": ("jaxmuscle.animation", "draw"),
     "effects": ("jaxmuscle.effects", None),
     "estimation": ("jaxmuscle.estimation", None),
     "fit": ("jaxmuscle.estimation", "fit"),
@@ -86,12 +91,15 @@ __all__ = [
     "actuator",
     "actuators",
     "analysis",
+    "animate",
+    "animation",
     "commands",
     "components",
     "configure",
     "control",
     "describe",
     "diagnose",
+    "draw",
     "effects",
     "estimation",
     "fit",

@@ -29,6 +29,7 @@ ORDER = (
     "recordings",
     "simulation",
     "analysis",
+    "animation",
     "control",
     "sweeps",
     "estimation",
@@ -44,6 +45,9 @@ ON_THE_SIDE = {
     "_compilation_cache": {"errors"},
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
+    "decimation": set(),
+    "figure_style": {"decimation"},
+    "notebook_html": {"decimation", "formatting", "parameters"},
     "progress": set(),
     "parallel": {"_config"},
 }

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from jaxmuscle.actuators.actuator_view import actuator_view
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.sensing import reading_slots
 from jaxmuscle.actuators.variables import (
@@ -175,6 +176,10 @@ class AbstractActuator(eqx.Module):
             cls.unit_templates = {**cls.units, **column_units(cls.columns.values())}
         if cls.channel is not None and hasattr(cls, "outputs"):
             cls.channel = cls.channel.checked(cls.__name__, cls.units, cls.outputs, len(cls.commands), paths)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: chain, parameters in units of the right size, effects."""
+        return actuator_view(self, self.rig, self.commands, self.links, self.effects).html()
 
     @classmethod
     def column(cls, name: str) -> Column:

@@ -4,19 +4,27 @@ automatic differentiation.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
 from jaxmuscle._linalg import solve
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.analysis.bode_plot import bode_plot
+from jaxmuscle.analysis.linear_model_view import linear_model_view
 from jaxmuscle.analysis.operating_point import OperatingPoint
+from jaxmuscle.analysis.state_space import StateSpace
 from jaxmuscle.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LOWEST, HIGHEST, GRID = 1e-3, 1e5, 400
 """Range [rad/s] in which a bandwidth is looked for, and points on its logarithmic grid."""
@@ -100,6 +108,48 @@ class LinearModel(eqx.Module):
         (low, high), _ = jax.lax.scan(halved, (grid[first - 1], grid[first]), None, length=40)
         return jnp.where(below.any(), jnp.sqrt(low * high), jnp.where(jnp.isnan(limit), jnp.nan, jnp.inf))
 
+    def bode(
+        self, output: str | None = None, input: str | None = None, omega: ArrayLike | None = None
+    ) -> Figure:
+        """A matplotlib figure: magnitude [dB] and phase [degrees] over the frequency [rad/s].
+
+        Args:
+            output, input: one of each; all of them when not given.
+            omega: frequencies [rad/s]; from a tenth of the slowest pole to ten times the fastest when not
+                given.
+
+        Raises:
+            InputError: an unknown output or input, frequencies that are not positive, many models at once.
+        """
+        self._places(output or self.outputs[0], input or self.inputs[0])
+        outputs = self.outputs if output is None else (output,)
+        return bode_plot(single(self)._plain(), outputs, self.inputs if input is None else (input,), omega)
+
+    def to_control(self) -> Any:
+        """The same model as a ``control.StateSpace`` of python-control, with the names of x, u and y.
+
+        Raises:
+            InputError: python-control is not installed (the extra ``control``), many models at once.
+        """
+        model = single(self)
+        try:
+            import control
+        except ImportError as error:
+            raise InputError(
+                "to_control: expected python-control; it is not installed: "
+                "python -m pip install 'jaxmuscle[control]'"
+            ) from error
+        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(*model._plain()[:4], **names)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: gains, bandwidths and magnitudes, poles."""
+        return linear_model_view(self._plain()).html()
+
+    def _plain(self) -> StateSpace:
+        a, b, c, d = (np.asarray(each) for each in (self.a, self.b, self.c, self.d))
+        return StateSpace(a, b, c, d, self.states, self.inputs, self.outputs)
+
     def _places(self, output: str, input: str | None) -> tuple[int, int]:
         if output not in self.outputs:
             raise InputError(f"expected an output of {list(self.outputs)}; got {output!r}")
@@ -109,6 +159,22 @@ class LinearModel(eqx.Module):
         if chosen not in self.inputs:
             raise InputError(f"expected an input of {list(self.inputs)}; got {chosen!r}")
         return self.outputs.index(output), self.inputs.index(chosen)
+
+
+def single(model: LinearModel) -> LinearModel:
+    """`model` when it is one, about a point that exists.
+
+    Raises:
+        InputError: many models at once, as under `jax.vmap`; a point that did not converge.
+    """
+    if model.a.ndim != 2:
+        raise InputError(
+            f"expected one model; got many at once, A of shape {model.a.shape}: take one with "
+            f"jax.tree.map(lambda x: x[0], models)"
+        )
+    if not bool(model.converged):
+        raise InputError("expected a model about a point of rest; there was none (model.converged is false)")
+    return model
 
 
 def linearise(actuator: AbstractActuator, point: OperatingPoint) -> LinearModel:

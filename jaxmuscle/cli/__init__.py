@@ -10,6 +10,7 @@ import typer
 
 import jaxmuscle
 from jaxmuscle.cli.cards import check, init
+from jaxmuscle.cli.compare import compare
 from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
 from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
 
@@ -20,6 +21,7 @@ __all__ = [
     "WIDE",
     "app",
     "check",
+    "compare",
     "diagnose",
     "effects",
     "fit",
@@ -73,6 +75,7 @@ def options(
 app.command()(diagnose)
 app.command()(init)
 app.command()(check)
+app.command()(compare)
 app.command()(fit)
 app.command()(effects)
 app.command()(sweep)

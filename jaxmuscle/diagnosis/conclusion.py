@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import strength_path
 from jaxmuscle.diagnosis.dependence import reveal, unexplained
+from jaxmuscle.diagnosis.diagnosis_data import Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.discrepancy import missing_rates
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
-from jaxmuscle.diagnosis.result import Diagnosis, Estimate, FoundEffect, Round, Traces
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.verdict import (
     IMITATED,
     MISSING,

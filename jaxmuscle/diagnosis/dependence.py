@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import strength_path
+from jaxmuscle.diagnosis.diagnosis_data import Error, Reveal, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
-from jaxmuscle.diagnosis.result import Error, Reveal, Unexplained
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Case
 from jaxmuscle.parameters import replace

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
 from jaxmuscle.diagnosis.evidence import compare
 from jaxmuscle.diagnosis.pairs import best_pair
 from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
-from jaxmuscle.diagnosis.result import Alternative, Round
 from jaxmuscle.diagnosis.verdict import MUCH
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.effects import CATALOGUE

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.result import Error
+from jaxmuscle.diagnosis.diagnosis_data import Error
 from jaxmuscle.estimation.residuals import evaluate_chain, freed
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.recordings.smoothing import WINDOWS

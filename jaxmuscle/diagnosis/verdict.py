@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.evidence import TELLING
-from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
 

@@ -46,7 +46,7 @@ from jaxmuscle.estimation.prepare import (
 )
 from jaxmuscle.estimation.request import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.residual_analysis import Series, residual_tests, series
-from jaxmuscle.estimation.summary import notes, summary
+from jaxmuscle.estimation.summary import notes, summary, view
 from jaxmuscle.estimation.weights import with_discrepancy, with_estimated_noise
 from jaxmuscle.optimization.levenberg_marquardt import Course, Lane, Limits, Local
 from jaxmuscle.optimization.optimistix_solver import steps_by
@@ -77,6 +77,10 @@ class FitResult(FitData):
     def __repr__(self) -> str:
         """What `print(fit)` and a notebook show: values, residuals, notes."""
         return summary(self)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: values, residuals with their course, notes."""
+        return view(self).html()
 
     def notes(self) -> list[str]:
         """What a reader has to know, one sentence each: how it ended, what is not determined, doubts."""

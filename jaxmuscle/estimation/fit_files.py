@@ -111,7 +111,7 @@ def save(result: FitData, path: str | Path) -> Path:
         InputError: the file cannot be written, or a machine is of a rig that a file cannot name.
     """
     file = Path(path)
-    text = as_toml(_content(result)) if _is_toml(file) else as_json(result)
+    text = as_toml(content(result)) if _is_toml(file) else as_json(result)
     with atomic_write(file) as (unfinished,):
         unfinished.write_text(text, encoding="utf-8", newline="\n")
     return file
@@ -119,14 +119,15 @@ def save(result: FitData, path: str | Path) -> Path:
 
 def as_json(result: FitData) -> str:
     """The content of the file: SI units throughout."""
-    return json.dumps(_content(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(content(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _is_toml(file: Path) -> bool:
     return file.suffix.lower() == ".toml"
 
 
-def _content(result: FitData) -> dict[str, Any]:
+def content(result: FitData) -> dict[str, Any]:
+    """What the file holds, as plain data; :func:`from_content` makes a result of it again."""
     fields = {field.name: getattr(result, field.name) for field in dataclasses.fields(result)}
     return {
         "kind": KIND,
@@ -145,16 +146,18 @@ def load(path: str | Path, kind: type[Result]) -> Result:
     file = existing_file(Path(path), "saved fit", (".json", ".toml"))
     text, form = file_content(file), "TOML" if _is_toml(file) else "JSON"
     try:
-        content = tomllib.loads(text.decode("utf-8")) if _is_toml(file) else json.loads(text)
+        found = tomllib.loads(text.decode("utf-8")) if _is_toml(file) else json.loads(text)
     except ValueError as error:
         raise InputError(f"{file}: cannot be read as {form}: {error}") from error
-    if not isinstance(content, Mapping) or content.get("kind") != KIND:
+    if not isinstance(found, Mapping) or found.get("kind") != KIND:
         raise InputError(f"{file}: not a fit; expected a file that FitResult.save or jaxmuscle fit wrote")
-    if content["format"] != FORMAT:
-        raise InputError(
-            f"{file}: written by jaxmuscle {content['jaxmuscle']}, whose files differ; fit again"
-        )
-    data = restored(content)
+    if found["format"] != FORMAT:
+        raise InputError(f"{file}: written by jaxmuscle {found['jaxmuscle']}, whose files differ; fit again")
+    return from_content(restored(found), kind, file)
+
+
+def from_content(data: Mapping[str, Any], kind: type[Result], file: Path) -> Result:
+    """The result of what :func:`content` gave, with its numbers restored; `file` is named in messages."""
     machines = tuple(machine(each, file) for each in data["actuators"])
     return kind(
         actuator=machines[0],

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from jaxmuscle.estimation.fit_data import FitData
 from jaxmuscle.formatting import aligned, estimate, join, printed_unit, quantity, rounded
+from jaxmuscle.notebook_html import Sparkline, Table, View
 
 ENDS = {
     "converged": "The fit converged",
@@ -162,3 +163,29 @@ def summary(result: FitData) -> str:
     """All of it, as `print(fit)` shows it."""
     tables = aligned(VALUES, rows(result)), aligned(RESIDUALS, residual_rows(result))
     return "\n\n".join([*tables, "\n".join(notes(result))])
+
+
+def view(result: FitData) -> View:
+    """All of it as a notebook shows it: measured and fitted columns over each other beside the residuals."""
+    residuals = [
+        (*row, _curves(result, row[0], row[1]), f"{result.noise[row[0]][row[1]].ratio:.2g}")
+        for row in residual_rows(result)
+    ]
+    recordings = ", ".join(result.cards)
+    return View(
+        "fit",
+        recordings,
+        (f"rig {result.actuator.rig}", f"{result.samples} residuals", f"{result.seconds:.1f} s"),
+        badge=result.code,
+        mood="good" if result.converged else "doubt",
+        tables=[
+            Table("parameters", VALUES, list(rows(result))),
+            Table("residuals", (*RESIDUALS, "measured, fitted", "residual over expected"), residuals),
+        ],
+        notes=notes(result),
+    )
+
+
+def _curves(result: FitData, recording: str, column: str) -> Sparkline:
+    table = result.predictions[recording]
+    return Sparkline(table[column].to_numpy(dtype=float), table[f"{column} fitted"].to_numpy(dtype=float))

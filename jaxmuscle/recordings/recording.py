@@ -12,8 +12,11 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import ArrayLike
 
+from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.formatting import estimate, join, printed_unit, quantity, rounded, words
+from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
@@ -52,6 +55,10 @@ class Recording:
             if values.shape != self.time.shape:
                 raise ValueError(f"{name}: expected the shape of time, {self.time.shape}; got {values.shape}")
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: every column with its range and course, and what the card says."""
+        return _view(self).html()
+
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time)
@@ -63,6 +70,54 @@ class Recording:
         columns = {name: values[rows] for name, values in self.columns.items()}
         breaks = tuple(row - first for row in self.breaks if first < row < last)
         return dataclasses.replace(self, time=self.time[rows], columns=columns, breaks=breaks)
+
+
+def _view(recording: Recording) -> View:
+    card, rate = recording.card, 1 / recording.step
+    facts = [f"rig {card.rig}", f"{len(recording)} samples at {rate:.4g} Hz"]
+    facts += [f"{len(recording.breaks) + 1} runs"] if recording.breaks else []
+    facts += [recording.file.name] if recording.file else []
+    units = {key: need.unit for key, need in _needs(card).items()}
+    columns = [
+        _column_row(key, values, units.get(key, ""), card.noise.get(key))
+        for key, values in recording.columns.items()
+    ]
+    given = [
+        (words(key), estimate(entry.value, math.nan if entry.std is None else entry.std, units.get(key, "")))
+        for key, entry in (*card.uncertain.items(), *card.known.items())
+    ]
+    effects = [(words(name), ", ".join(map(words, entries))) for name, entries in card.effects.items()]
+    return View(
+        "recording",
+        recording.name,
+        facts,
+        lead=[card.description] if card.description else [],
+        tables=[
+            Table(
+                "columns (pressures absolute)" if "Pa" in units.values() else "columns",
+                ("", "from", "to", "noise", "missing", ""),
+                columns,
+            ),
+            Table("card", ("", "value"), given, open=False),
+            Table("effects that the card declares", ("", "parameters"), effects, open=False),
+        ],
+    )
+
+
+def _needs(card: Card) -> Mapping[str, Need]:
+    """Column and quantity of the card → its SI unit; nothing for a rig that is not registered."""
+    rig = RIGS.get(card.rig)
+    return {} if rig is None else {**schema.quantities(rig), **schema.columns(rig)}
+
+
+def _column_row(key: str, values: Series, unit: str, noise: float | None) -> tuple[object, ...]:
+    finite = values[np.isfinite(values)]
+    ends = (float(finite.min()), float(finite.max())) if len(finite) else (math.nan, math.nan)
+    size, printed = printed_unit(unit, float(np.abs(finite).max(initial=0.0)))
+    shown = [join(rounded(end / size, 4), printed) if len(finite) else "" for end in ends]
+    missing = len(values) - len(finite)
+    told = "" if noise is None else quantity(noise, unit)
+    return words(key), *shown, told, str(missing) if missing else "", Sparkline(values)
 
 
 def joined(recordings: Sequence[Recording], name: str) -> Recording:

@@ -9,12 +9,12 @@ import matplotlib as mpl
 import numpy as np
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.figure_style import INK, STYLE, curve, figure
 from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import pretty
 from jaxmuscle.recordings.clocks import holds_stamps, stamps_to_seconds
 from jaxmuscle.recordings.schema import CLOCK, ColumnSpec
 from jaxmuscle.recordings.table import Table
-from jaxmuscle.report.style import INK, STYLE, curve, figure
 from jaxmuscle.units import Series
 
 PICTURES = (".png", ".svg", ".pdf")

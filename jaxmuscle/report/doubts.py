@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from jaxmuscle import formatting
+from jaxmuscle.diagnosis.diagnosis_data import FoundEffect
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
-from jaxmuscle.diagnosis.result import Diagnosis, FoundEffect
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.verdict import MISSING
 from jaxmuscle.formatting import capital, parameter_words, words
 

@@ -9,11 +9,12 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import jaxmuscle
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.diagnosis.trace_figure import trace_caption, trace_figure
+from jaxmuscle.figure_style import styled, svg_uri
 from jaxmuscle.report import tables
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.figures import (
@@ -21,11 +22,10 @@ from jaxmuscle.report.figures import (
     ranking_figure,
     reveal_figure,
     strongest_correlation,
-    trace_caption,
-    trace_figure,
 )
+from jaxmuscle.report.html_template import rendered
+from jaxmuscle.report.live_traces import live_traces
 from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
-from jaxmuscle.report.style import styled, svg_uri
 
 PACKAGES = ("jax", "diffrax", "optimistix")
 
@@ -49,29 +49,27 @@ class Picture:
 
 
 def page(diagnosis: Diagnosis) -> str:
-    """The report as one HTML page that needs nothing else: no script, no address outside itself."""
-    environment = Environment(
-        loader=PackageLoader("jaxmuscle.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(words=formatting.words, capital=formatting.capital, percent=formatting.percent)
-    return environment.get_template("page.html.j2").render(**_content(diagnosis))
+    """The report as one HTML page that needs nothing else: no address outside itself, no network.
+
+    Traces are charts that zoom (uPlot, inlined) where scripts run, still pictures elsewhere and on paper.
+    """
+    return rendered("page.html.j2", **_content(diagnosis))
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:
     pair = strongest_correlation(diagnosis)
+    first = telling_column(diagnosis)
+    columns = sorted(diagnosis.traces.measured, key=lambda column: column != first)
     with styled():
         pictures = {
-            "traces": _traces(diagnosis),
+            "traces": _traces(diagnosis, columns),
             "reveal": _reveal(diagnosis),
             "searches": [_search(diagnosis, index) for index in range(len(diagnosis.rounds))],
             "correlations": _correlations(diagnosis) if pair and abs(pair[2]) > STRONG else None,
         }
     return {
         "d": diagnosis,
+        "live": live_traces(diagnosis, columns),
         "recording": diagnosis.recording,
         "sentence": sentence(diagnosis),
         "doubts": doubts(diagnosis),
@@ -94,9 +92,7 @@ def _setting(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def _traces(diagnosis: Diagnosis) -> list[Picture]:
-    first = telling_column(diagnosis)
-    columns = sorted(diagnosis.traces.measured, key=lambda column: column != first)
+def _traces(diagnosis: Diagnosis, columns: list[str]) -> list[Picture]:
     return [Picture(svg_uri(trace_figure(diagnosis, c)), trace_caption(diagnosis, c)) for c in columns]
 
 

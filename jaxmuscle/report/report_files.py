@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import jaxmuscle
-from jaxmuscle.diagnosis.result import Diagnosis, Error, Estimate, FoundEffect
+from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation import FitResult
 from jaxmuscle.estimation.fit_files import as_json

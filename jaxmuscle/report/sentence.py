@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.result import Diagnosis, Error, FoundEffect
+from jaxmuscle.diagnosis.diagnosis_data import Error, FoundEffect
+from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.diagnosis.verdict import surprise
 from jaxmuscle.formatting import capital, listed, parameter_words, words
-from jaxmuscle.report.tables import shown_column
 
 NO_BETTER = 0.98
 """An error that falls by less than this factor has not fallen."""

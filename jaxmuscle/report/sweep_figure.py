@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from jaxmuscle.figure_style import AFTER, STYLE, figure
 from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import pretty, printed_unit
-from jaxmuscle.report.style import AFTER, STYLE, figure
 from jaxmuscle.sweeps.job import FAILED
 from jaxmuscle.sweeps.outputs import TIME
 

@@ -2,46 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.result import Alternative, Diagnosis, Estimate, Round
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, Round
+from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.schema import Quantity
-from jaxmuscle.units import from_si, scale, to_si
-
-
-@dataclasses.dataclass(frozen=True)
-class ShownColumn:
-    """How a column is printed and drawn: (SI - shift) / size is a number in `unit`."""
-
-    name: str
-    unit: str
-    size: float
-    shift: float
-
-    def values(self, si: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Samples in the column's unit."""
-        return (si - self.shift) / self.size
-
-    def error(self, si: float) -> str:
-        """An error or a deviation with its unit."""
-        return formatting.join(formatting.rounded(si / self.size), self.unit)
-
-
-def shown_column(diagnosis: Diagnosis, column: str) -> ShownColumn:
-    """How a column of the recording is printed: in the unit and reference of its card."""
-    card, si = diagnosis.recording.card, diagnosis.units[column]
-    spec = card.columns[column]
-    shift = to_si(0.0, spec.unit, si, diagnosis.model.column(column).difference)
-    shift += card.ambient_pressure if spec.reference == "gauge" else 0.0
-    return ShownColumn(column, formatting.pretty(spec.unit), scale(spec.unit, si), shift)
+from jaxmuscle.units import from_si, scale
 
 
 def shown_estimate(card: Card, name: str, estimate: Estimate) -> str:

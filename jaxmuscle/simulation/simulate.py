@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -15,9 +16,11 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.notebook_html import View
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation.run import run
 from jaxmuscle.simulation.sensor_errors import true_track
+from jaxmuscle.simulation.simulation_views import simulation_figure, simulation_view
 from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
 from jaxmuscle.simulation.track import (
     Track,
@@ -29,6 +32,9 @@ from jaxmuscle.simulation.track import (
     start_at_rest,
     with_states,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST = 100_000
 """Largest number of substeps."""
@@ -88,12 +94,47 @@ class Simulation(eqx.Module):
     """Readings of a machine over time, SI: output → array with a leading axis of samples.
 
     `error`, if it was asked for: how far each reading may be from that of infinitely short steps, up to
-    each sample.
+    each sample. `units`: output → SI unit. `command`: what was held from each
+    sample on.
     """
 
     time: Float[Array, " samples"]
     readings: dict[str, Float[Array, "samples *muscles"]]
     error: dict[str, Float[Array, "samples *muscles"]] | None = None
+    units: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
+    command: Float[Array, "samples *muscles"] | None = None
+
+    def plot(self, recording: Recording | None = None) -> Figure:
+        """A matplotlib figure: every reading over time, in units of the right size.
+
+        Args:
+            recording: what was measured, drawn beneath: columns of the same names, on its own clock.
+
+        Raises:
+            InputError: what is no recording; a recording without any of these columns; many
+                simulations at once.
+        """
+        measured = None
+        if recording is not None:
+            if not isinstance(recording, Recording):
+                raise InputError(f"plot: expected a recording; got {type(recording).__name__}")
+            measured = recording.time, recording.columns
+        return simulation_figure(self._table(), dict(self.units), measured)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: every reading with its range and course."""
+        if self.time.ndim != 1:
+            return View("simulations", f"{' × '.join(map(str, self.time.shape[:-1]))} at once").html()
+        return simulation_view(self._table(), dict(self.units)).html()
+
+    def _table(self) -> pd.DataFrame:
+        """:meth:`to_frame` of one simulation."""
+        if self.time.ndim != 1:
+            raise InputError(
+                f"expected one simulation; got many at once, times of shape {self.time.shape}: take one with "
+                f"jax.tree.map(lambda x: x[0], simulations)"
+            )
+        return self.to_frame()
 
     def to_frame(self) -> pd.DataFrame:
         """A table indexed by time [s], one column a sensor; several muscles are numbered from 1."""
@@ -159,10 +200,16 @@ def simulate(
         track, clock, hidden = _commanded(actuator, given, times, start or {})
     steps = steps_of(actuator, float(clock[1] - clock[0]), method, substeps, tolerance)
     readings = _run(actuator, track, len(clock), steps, hidden)
+    units = tuple(
+        (name, actuator.columns[group[0]].unit)
+        for name, group in actuator.outputs.items()
+        if group[0] in actuator.columns
+    )
     if not error:
-        return Simulation(jnp.asarray(clock), readings)
+        return Simulation(jnp.asarray(clock), readings, units=units, command=track.command)
     finer = _run(actuator, track, len(clock), steps.finer(), hidden)
-    return Simulation(jnp.asarray(clock), readings, jax.tree.map(_bound, readings, finer))
+    bound = jax.tree.map(_bound, readings, finer)
+    return Simulation(jnp.asarray(clock), readings, bound, units, track.command)
 
 
 def _bound(coarse: Array, fine: Array) -> Array:

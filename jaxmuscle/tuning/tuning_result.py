@@ -20,6 +20,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.serialization import as_toml, plain, restored
 from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.formatting import aligned, quantity, rounded
+from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.tuning.figure import plot
 from jaxmuscle.tuning.gains import movable
 from jaxmuscle.tuning.judged import Gain, Judged
@@ -91,6 +92,10 @@ class Tuning:
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: gains, terms, references with readings, notes."""
+        return _view(self).html()
+
     def plot(self) -> Figure:
         """A matplotlib figure: the worst scenarios before and after, their commands, all terms."""
         sides = {"training": (self.before, self.after)}
@@ -159,24 +164,66 @@ def _table(data: Mapping[str, Any]) -> pd.DataFrame:
 
 def summary(tuned: Tuning) -> str:
     """A result as text."""
-    lines = [f"Cost {_costs(tuned.before, tuned.after)} on {len(tuned.after.terms)} training scenarios"]
-    before, after = tuned.held_out_before, tuned.held_out_after
-    if before is not None and after is not None:
-        lines[0] += f", {_costs(before, after)} on {len(after.terms)} held-out ones"
-    lines[0] += f" ({tuned.code}; {tuned.evaluations} evaluations with derivatives, {tuned.seconds:.1f} s)."
-    rows = [
-        (name, rounded(gain.start, 4), rounded(gain.value, 4), gain.unit, _rise(gain.less), _rise(gain.more))
-        for name, gain in list(tuned.gains.items())[:MOST_SHOWN]
-    ]
-    lines += ["", aligned(("gain", "before", "after", "unit", "cost at -10 %", "at +10 %"), rows)]
+    lines = [_headline(tuned), "", aligned(GAINS, _gain_rows(tuned)[:MOST_SHOWN])]
     if len(tuned.gains) > MOST_SHOWN:
         lines.append(f"and {len(tuned.gains) - MOST_SHOWN} others")
     if tuned.units:
-        sides = [side for side in (tuned.before, tuned.after, before, after) if side is not None]
-        heads = ("term", "training before", "after", "held-out before", "after")[: len(sides) + 1]
-        own = [(t, *(_shown(side.value(t), unit) for side in sides)) for t, unit in tuned.units.items()]
-        lines += ["", aligned(heads, own)]
+        lines += ["", aligned(*_terms(tuned))]
     return "\n".join([*lines, *(["", *tuned.notes] if tuned.notes else [])])
+
+
+def _view(tuned: Tuning) -> View:
+    heads, terms = _terms(tuned)
+    traces = [(name, *_traced(table)) for name, table in tuned.traces.items()]
+    return View(
+        "tuning",
+        f"{len(tuned.gains)} gains",
+        badge="" if tuned.holds is None else "holds on unseen" if tuned.holds else "does not hold on unseen",
+        mood="good" if tuned.holds else "doubt",
+        lead=[_headline(tuned)],
+        tables=[
+            Table("gains", GAINS, _gain_rows(tuned), open=len(tuned.gains) <= MOST_SHOWN),
+            Table("terms", heads, terms),
+            Table("worst scenarios: reference and reading", ("", "before", "after"), traces),
+        ],
+        notes=tuned.notes,
+    )
+
+
+def _traced(table: pd.DataFrame) -> list[Sparkline]:
+    """Reference and first reading before the tuning, and after it."""
+    reference = [table["reference"]] if "reference" in table else []
+    readings = [name for name in table if name != "reference" and not str(name).startswith("command")]
+    firsts = (next(name for name in readings if str(name).endswith(when)) for when in ("before", "after"))
+    return [Sparkline(*reference, table[name]) for name in firsts]
+
+
+GAINS = ("gain", "before", "after", "unit", "cost at -10 %", "at +10 %")
+
+
+def _headline(tuned: Tuning) -> str:
+    """Costs before and after, and how it ended."""
+    line = f"Cost {_costs(tuned.before, tuned.after)} on {len(tuned.after.terms)} training scenarios"
+    before, after = tuned.held_out_before, tuned.held_out_after
+    if before is not None and after is not None:
+        line += f", {_costs(before, after)} on {len(after.terms)} held-out ones"
+    return f"{line} ({tuned.code}; {tuned.evaluations} evaluations with derivatives, {tuned.seconds:.1f} s)."
+
+
+def _gain_rows(tuned: Tuning) -> list[tuple[str, ...]]:
+    return [
+        (name, rounded(gain.start, 4), rounded(gain.value, 4), gain.unit, _rise(gain.less), _rise(gain.more))
+        for name, gain in tuned.gains.items()
+    ]
+
+
+def _terms(tuned: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Heads and rows of the table of terms."""
+    four = (tuned.before, tuned.after, tuned.held_out_before, tuned.held_out_after)
+    sides = [side for side in four if side is not None]
+    heads = ("term", "training before", "after", "held-out before", "after")[: len(sides) + 1]
+    rows = [(t, *(_shown(side.value(t), unit) for side in sides)) for t, unit in tuned.units.items()]
+    return heads, rows
 
 
 ROUNDING = 1e-12

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jaxmuscle.diagnosis.result import Error, Estimate, FoundEffect
+from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
     confirmed,

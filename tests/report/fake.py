@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import signal
 
-from jaxmuscle.diagnosis.result import (
+from jaxmuscle.diagnosis.diagnosis_data import (
     Alternative,
-    Diagnosis,
     Error,
     Estimate,
     FoundEffect,
@@ -20,6 +19,7 @@ from jaxmuscle.diagnosis.result import (
     Traces,
     Unexplained,
 )
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.effects import LoadFriction
 from jaxmuscle.recordings import Recording, actuator_from_card, read
 from jaxmuscle.samples import sample

@@ -13,7 +13,8 @@ import pytest
 from effects.own import Sleeve
 from report.fake import diagnosis
 
-from jaxmuscle.diagnosis.result import Diagnosis, Estimate
+from jaxmuscle.diagnosis.diagnosis_data import Estimate
+from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.effects import BY_NAME, register
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, actuator_from_card

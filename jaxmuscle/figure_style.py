@@ -1,4 +1,4 @@
-"""One look for all figures, and their way into a page."""
+"""One look for figures, curves that keep their extremes, and a figure's way into a page."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from jaxmuscle.decimation import extremes
 
 INK, MUTED, BEFORE, AFTER, SHADE = "#22272e", "#6b7280", "#a9b0ba", "#d9531e", "#f1f3f6"
 """Measured and text; captions; the declared model; the final model (the one accent); held-out data."""
@@ -65,21 +67,6 @@ def svg_uri(drawing: Figure) -> str:
     buffer = io.BytesIO()
     drawing.savefig(buffer, format="svg", metadata={"Date": None})
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
-def extremes(values: NDArray[np.float64], most: int) -> NDArray[np.int64]:
-    """Rows of the smallest and the largest of `values` in each of `most / 2` stretches: no peak is lost."""
-    if len(values) <= most:
-        return np.arange(len(values))
-    rows: list[int] = [0, len(values) - 1]
-    for stretch in np.array_split(np.arange(len(values)), max(most // 2, 1)):
-        finite = stretch[np.isfinite(values[stretch])]
-        if len(finite) < len(stretch):
-            # A gap stays a gap.
-            rows.append(int(stretch[~np.isfinite(values[stretch])][0]))
-        if len(finite):
-            rows += [int(finite[np.argmin(values[finite])]), int(finite[np.argmax(values[finite])])]
-    return np.unique(rows)
 
 
 def curve(

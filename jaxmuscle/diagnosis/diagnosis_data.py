@@ -1,0 +1,216 @@
+"""Data of a diagnosis: verdict, effects, searches, errors, traces, parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
+from jaxmuscle.estimation.fit import FitResult
+from jaxmuscle.recordings.recording import Recording
+
+Series = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A fitted value with its standard deviation, both in `unit` (SI)."""
+
+    value: float
+    std: float
+    unit: str
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added: its parameters and the evidence on data not used for fitting.
+
+    `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
+    removed; `p_value` of that, by the `test` named, and number of `stretches` of the recording that tell the
+    models with it and without it apart. `kind`: name of the effect in the catalogue; of an error of a
+    sensor (`name` ``sensor_offset_pressure``) without its `column`.
+    """
+
+    name: str
+    signal: str
+    meaning: str
+    source: str
+    parameters: dict[str, Estimate]
+    gain: float
+    p_value: float
+    kind: str = ""
+    column: str | None = None
+    test: str = SIGN_FLIPS
+    stretches: int = 0
+
+    def __post_init__(self) -> None:
+        """Without another kind it is of that of its name."""
+        if not self.kind:
+            object.__setattr__(self, "kind", self.name)
+
+
+@dataclasses.dataclass(frozen=True)
+class Alternative:
+    """A candidate as it did in the round that added the best one (or none).
+
+    `loss`: typical mean square of its weighted residuals on unseen windows, 1 being the sensors' noise.
+    `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
+    `judged`: whether it was tried on unseen windows; one that was not counts as told apart, and its gain,
+    p-value and loss are those on the windows that it was fitted to, where it removed too little.
+    `test`, `stretches`: as of :class:`FoundEffect`.
+    """
+
+    name: str
+    signal: str
+    gain: float
+    p_value: float
+    loss: float
+    told_apart: bool
+    judged: bool = True
+    test: str = SIGN_FLIPS
+    stretches: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Round:
+    """One search: the loss of the present model, all candidates best first, and which was added."""
+
+    loss: float
+    ranking: tuple[Alternative, ...]
+    added: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Error:
+    """Error of one column: root mean square (SI), relative to the column's own spread and to its noise."""
+
+    rmse: float
+    unit: str
+    nrmse: float
+    in_noise: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Unexplained:
+    """What is left in one signal: the part of the missing rate that the named variables explain."""
+
+    signal: str
+    share: float
+    depends_on: tuple[str, ...]
+    rms_in_noise: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Reveal:
+    """What is missing in one link against the variable that shows best what is missing.
+
+    `before`, `after`: missing rate of the state behind the output (or the residual of an imposed rig's
+    reading) under the final model without `effect` and with it, sample by sample, in `unit`. The same twice
+    when no effect was found (`effect` is `None`).
+    """
+
+    effect: str | None
+    signal: str
+    variable: str
+    variable_unit: str
+    unit: str
+    x: Series
+    before: Series
+    after: Series
+
+
+@dataclasses.dataclass(frozen=True)
+class Traces:
+    """Measured and predicted columns over time; NaN where nothing is predicted.
+
+    `windows`: first row of each window of prediction; `held_out`: rows that no fit has seen.
+    """
+
+    time: Series
+    measured: dict[str, Series]
+    before: dict[str, Series]
+    after: dict[str, Series]
+    windows: NDArray[np.int64]
+    held_out: NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True)
+class DiagnosisData:
+    """What a :class:`~jaxmuscle.diagnosis.result.Diagnosis` holds.
+
+    Attributes:
+        verdict: "effects found" (supported by unseen training windows and confirmed by the held-out data),
+            "complete" (what is left is noise), "undecided" (between complete and unexplained:
+            `missing_in_noise` says how much may be missing), "not confirmed" (effects were supported, but the
+            held-out errors did not fall) or "unexplained" (something is missing and nothing explains it).
+        effects: what was found, in order; `rounds` tells the searches behind it.
+        unconfirmed: what was added and the verdict does not bear out: held-out data contradict it, or it
+            leaves most of what is missing. `model` has it.
+        refused: effects that unseen windows supported and the last fit does not → why.
+        unused: column → number of its readings that do not count: missing, to be ignored, outliers, or beyond
+            a stop of the model.
+        violated_priors: name of each fitted value that is more than three of the card's standard deviations
+            from the card's value → how many.
+        missing_in_noise: root mean square of what may be missing, in units of the noise; of the worst
+            reading on the training data.
+        share_left: of the typical size of what is missing, what the added effects leave, in the worst column
+            (:func:`~jaxmuscle.diagnosis.verdict.share_left`); 1 without any where something is missing.
+        declared: the machine as declared, fitted to all training data.
+        model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
+            `None` where the card is sure of everything and nothing was added.
+            ``jaxmuscle.fit(diagnosis.model, recording, noise="discrepancy",
+            masks=diagnosis.traces.held_out)`` gives the values again. The noise is that of the sensors where
+            nothing is missing; elsewhere what the model leaves counts as uncertainty too, else the card's
+            priors would weigh nothing. Without the masks held-out rows are fitted too, which must not have a
+            say here.
+        before, after: "training" and "held_out" → column → error.
+        parameters: card name or path of every fitted parameter of `model`.
+        correlations: between those parameters.
+    """
+
+    recording: Recording
+    verdict: str
+    effects: tuple[FoundEffect, ...]
+    unconfirmed: tuple[FoundEffect, ...]
+    refused: dict[str, str]
+    unused: dict[str, int]
+    violated_priors: dict[str, float]
+    missing_in_noise: float
+    share_left: float
+    rounds: tuple[Round, ...]
+    declared: AbstractActuator
+    model: AbstractActuator
+    fit: FitResult | None
+    before: dict[str, dict[str, Error]]
+    after: dict[str, dict[str, Error]]
+    noise: dict[str, float]
+    units: dict[str, str]
+    horizon: float | None
+    held_out_fraction: float
+    unexplained: tuple[Unexplained, ...]
+    parameters: dict[str, Estimate]
+    correlations: pd.DataFrame
+    reveal: Reveal | None
+    traces: Traces
+    converged: bool
+    seconds: float
+    settings: dict[str, Any]
+
+    @property
+    def added(self) -> tuple[FoundEffect, ...]:
+        """Effects that `model` has and the declared one has not, found or not confirmed."""
+        return (*self.effects, *self.unconfirmed)
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Runners-up of the first search, best first."""
+        if not self.rounds:
+            return ()
+        first = self.rounds[0]
+        return tuple(a for a in first.ranking if a.name != first.added)
