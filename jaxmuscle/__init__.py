@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from jaxmuscle.recordings import actuator_from_card as actuator
     from jaxmuscle.samples import sample
     from jaxmuscle.simulation.simulate import simulate
+    from jaxmuscle.simulation.stepper import stepper
     from jaxmuscle.sweeps import commands, sweep
     from jaxmuscle.tuning import tune
 
@@ -72,6 +73,7 @@ _PLACES = {
     "signals": ("jaxmuscle.signals", None),
     "simulate": ("jaxmuscle.simulation.simulate", "simulate"),
     "simulation": ("jaxmuscle.simulation", None),
+    "stepper": ("jaxmuscle.simulation.stepper", "stepper"),
     "sweep": ("jaxmuscle.sweeps", "sweep"),
     "tune": ("jaxmuscle.tuning", "tune"),
     "tuning": ("jaxmuscle.tuning", None),
@@ -107,6 +109,7 @@ __all__ = [
     "signals",
     "simulate",
     "simulation",
+    "stepper",
     "sweep",
     "tune",
     "tuning",

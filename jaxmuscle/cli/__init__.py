@@ -11,6 +11,7 @@ import typer
 import jaxmuscle
 from jaxmuscle.cli.cards import check, init
 from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
+from jaxmuscle.cli.simulation_subcommands import simulate, tune
 from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
 
 __all__ = [
@@ -26,7 +27,9 @@ __all__ = [
     "init",
     "main",
     "options",
+    "simulate",
     "sweep",
+    "tune",
 ]
 
 app = typer.Typer(
@@ -75,4 +78,6 @@ app.command()(init)
 app.command()(check)
 app.command()(fit)
 app.command()(effects)
+app.command()(simulate)
 app.command()(sweep)
+app.command()(tune)

@@ -50,6 +50,11 @@ class Picture:
 
 def page(diagnosis: Diagnosis) -> str:
     """The report as one HTML page that needs nothing else: no script, no address outside itself."""
+    return rendered("page.html.j2", _content(diagnosis))
+
+
+def rendered(template: str, content: dict[str, Any]) -> str:
+    """A template of this package, filled."""
     environment = Environment(
         loader=PackageLoader("jaxmuscle.report", "."),
         autoescape=True,
@@ -58,7 +63,7 @@ def page(diagnosis: Diagnosis) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(words=formatting.words, capital=formatting.capital, percent=formatting.percent)
-    return environment.get_template("page.html.j2").render(**_content(diagnosis))
+    return environment.get_template(template).render(**content)
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:
