@@ -19,7 +19,7 @@ from jaxmuscle.recordings import Card
 from jaxmuscle.samples import sample
 
 Run = Callable[..., Result]
-TIME = 0.004 * np.arange(150)
+TIME = 0.004 * np.arange(150, dtype=np.float64)
 SWING = sample("swing").with_suffix(".toml")
 QUICK = ("--starts", "1", "--steps", "6", "--draws", "1")
 
@@ -91,7 +91,8 @@ def test_own_gains_sample_time_and_start(run: Run) -> None:
     assert tuned.settings["step"] == 0.006 and tuned.settings["seed"] == 3
     assert tuned.settings["budget"] == 60
     table = pd.read_csv("here/commands.csv")
-    assert table["theta_deg"][0] == pytest.approx(2) and table["t_s"][1] == pytest.approx(0.006)
+    assert table["theta_deg"].to_list()[0] == pytest.approx(2)
+    assert table["t_s"].to_list()[1] == pytest.approx(0.006)
     # Nothing could be held out, and the report says so.
     assert tuned.holds is None and "Nothing was held out" in outcome.stdout
     assert "gains as they were given" in Path("here/report.html").read_text(encoding="utf-8")
@@ -121,7 +122,7 @@ def test_noise_and_payload_of_scenarios() -> None:
     actuator = jm.actuator(card)
     inertia = jm.parameters.parameters(actuator)["inertia"]
     make = ScenarioMaker(actuator, card, 0.01, {}, {"inertia": (inertia, np.array([0.1, 0.2]))})
-    made = make.scenarios({"up": (TIME + 5, TIME)}, [{}, {"inertia": 0.3, "muscle.end_factor": 1.2}], 7)
+    made = make.scenarios({"up": (TIME + 5, 1.0 * TIME)}, [{}, {"inertia": 0.3, "muscle.end_factor": 1.2}], 7)
     assert [dict(s.changes) for s in made] == [
         {"inertia": 0.1}, {"inertia": 0.1, "muscle.end_factor": 1.2},
         {"inertia": 0.2}, {"inertia": 0.2, "muscle.end_factor": 1.2},

@@ -112,15 +112,15 @@ def test_a_recording_goes_on_and_a_third_part_too():
 
 def test_imposed_states_follow_the_recording_that_goes_on():
     recording = jm.read(jm.sample("bench"))
-    machine = jm.actuator(recording.card).with_effects(creep=built(effects.Creep, 500.0, 0.5, 3.0))
-    whole = jm.simulate(machine, recording.part(0, 400))
+    machine = jm.actuator(recording.card).with_effects(creep=built(effects.Creep, 5000.0, 0.5, 3.0))
+    whole = jm.simulate(machine, recording.part(0, 400)).readings["force"][200:]
     first = jm.simulate(machine, recording.part(0, 200))
     second = jm.simulate(machine, recording.part(200, 400), start=first.final)
-    anew = jm.simulate(machine, recording.part(200, 400))
-    # Each part is smoothed by itself, so that they agree but for that; without what went before they do not.
-    range_ = np.ptp(whole.readings["force"])
-    np.testing.assert_allclose(second.readings["force"], whole.readings["force"][200:], atol=0.02 * range_)
-    assert float(np.abs(anew.readings["force"][0] - whole.readings["force"][200])) > 0.05 * range_
+    anew = jm.simulate(machine, recording.part(200, 400)).readings["force"]
+    # Each part is smoothed by itself: they agree to about the noise of the sensor, 0.8 N. Creep that
+    # began anew would be far off.
+    assert float(np.abs(second.readings["force"] - whole).max()) < 2.0
+    assert float(np.abs(anew - whole).max()) > 50.0
     assert float(second.final.time) == pytest.approx(400 * recording.step)
 
 

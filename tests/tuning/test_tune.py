@@ -121,6 +121,7 @@ def test_gains_are_saved_without_traces(tuned, tmp_path):
     assert file.stat().st_size < 8000
     back = jm.tuning.Tuning.load(file)
     assert back.traces == {} and str(back) == str(tuned) and back.gains == tuned.gains
+    assert back.held_out_after is not None
     pd.testing.assert_frame_equal(back.held_out_after.terms, tuned.held_out_after.terms)
     assert len(back.plot().axes) == 2
     # A file whose traces have gone is still a tuning; one whose traces are something else is not.
