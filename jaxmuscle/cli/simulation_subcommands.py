@@ -66,7 +66,7 @@ def tune(
         list[Path],
         typer.Option(
             help="Table of what the reading is to be: time and the reading, in columns and units as the card "
-            "has them. May be given several times."
+            "has them; straight lines lead from row to row. May be given several times."
         ),
     ],
     controller: Annotated[str, typer.Option(help="What is tuned: pid.")] = "pid",

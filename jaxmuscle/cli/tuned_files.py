@@ -22,6 +22,7 @@ from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.recordings.read import table_name
 from jaxmuscle.recordings.signal_tables import read_signals, signal_table
+from jaxmuscle.recordings.table_checks import is_regular
 from jaxmuscle.report.report_files import placed, writable_folder
 from jaxmuscle.report.tuning_page import tuning_page
 from jaxmuscle.simulation.simulate import simulate
@@ -140,14 +141,25 @@ def _followed(actuator: AbstractActuator, card: Card) -> str:
 
 
 def _reference(file: Path, card: Card, column: str) -> tuple[Series, Series]:
-    time, found = read_signals(file, card, (column,), kind="reference")
+    """A reference; straight lines lead from one of its rows to the next."""
+    time, found = read_signals(file, card, (column,), regular=False, kind="reference")
     return time, found[column]
 
 
 def _sample_time(request: Request, first: tuple[Series, Series]) -> float:
-    time, _ = first
-    given = request.sample_time
-    step = float(time[-1] - time[0]) / (len(time) - 1) if given is None else given
+    """The sample time that is given, else the step of the first reference [s].
+
+    Raises:
+        InputError: it is none, too long for the reference, or needed as the reference has no one step.
+    """
+    time, step = first[0], request.sample_time
+    if step is None:
+        if not is_regular(time):
+            raise InputError(
+                f"{request.references[0]}: its rows are not equally far apart, which is as good; then say "
+                f"how often the controller samples: --sample-time"
+            )
+        step = float(time[-1] - time[0]) / (len(time) - 1)
     longest = float(time[-1] - time[0]) / 2
     if not 0 < step <= longest:
         raise InputError(

@@ -25,7 +25,13 @@ FEWEST = 2
 
 
 def read_signals(
-    file: Path, card: Card, names: Sequence[str], *, resample: bool = False, kind: str = "table"
+    file: Path,
+    card: Card,
+    names: Sequence[str],
+    *,
+    resample: bool = False,
+    regular: bool = True,
+    kind: str = "table",
 ) -> tuple[Series, dict[str, Series]]:
     """The clock [s] and some quantities of a card, in SI, pressures absolute, from a table.
 
@@ -34,6 +40,7 @@ def read_signals(
     Args:
         names: quantities of the card's rig.
         resample: bring an irregular clock to a uniform one with the median step.
+        regular: whether the clock has to be uniform; where it need not be it stays as it is.
         kind: what the table is, in the words of a message.
 
     Raises:
@@ -45,9 +52,10 @@ def read_signals(
     table, columns = si_columns(table, dataclasses.replace(card, columns=own))
     time = columns.pop(CLOCK.name)
     check_clock(table, card, time, FEWEST)
-    check_regular(table, card, time, resample=resample)
+    if regular:
+        check_regular(table, card, time, resample=resample)
     check_pressures(table, card, columns)
-    if not is_regular(time):
+    if regular and not is_regular(time):
         time, columns = resampled(time, columns, held=RIGS[card.rig].commands)
     return time, columns
 

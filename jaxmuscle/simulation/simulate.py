@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -177,8 +178,11 @@ def simulate(
     hidden: dict[str, Array] = {}
     named = {} if isinstance(start, SimulationState) else dict(start or {})
     if isinstance(given, Recording):
-        track = true_track(actuator, observed(actuator, given, given.card.noise).track)
-        clock = np.asarray(given.time)
+        track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
+        if isinstance(start, SimulationState):
+            # A sensor that drifts has drifted since the simulation began.
+            track = dataclasses.replace(track, begin_time=start.time)
+        track = true_track(actuator, track)
         if own := [name for name in named if is_measured(actuator, name)]:
             raise InputError(f"start: a recording begins as it was measured; leave out {', '.join(own)}")
         hidden = hidden_start(actuator, track, named)

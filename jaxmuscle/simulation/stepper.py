@@ -113,7 +113,7 @@ class Stepper(eqx.Module):
             raise InputError(
                 f"command: expected {' and '.join(self.commands)}, shape {width}; got shape {given.shape}"
             )
-        after, readings, finite = _stepped(self.actuator, self.steps, state, given)
+        after, readings, finite = _stepped(self.actuator, self.time_step, self.steps, state, given)
         if not isinstance(finite, jax.core.Tracer) and not bool(finite):
             raise InputError(self._fault(after, given))
         return after, readings
@@ -200,10 +200,10 @@ def _shown(actuator: AbstractActuator, state: SimulationState) -> Readings:
 
 @eqx.filter_jit
 def _stepped(
-    actuator: AbstractActuator, steps: Steps, state: SimulationState, command: Array
+    actuator: AbstractActuator, step: Array, steps: Steps, state: SimulationState, command: Array
 ) -> tuple[SimulationState, Readings, Array]:
     """One step; and whether all of it is finite."""
-    track, row = resumed_track(actuator, Track(state.step, command[None], {}), state)
+    track, row = resumed_track(actuator, Track(step, command[None], {}), state)
     done = run(
         actuator,
         track,

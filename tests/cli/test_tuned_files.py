@@ -78,8 +78,10 @@ def test_from_a_reference_to_gains_report_and_commands(run: Run, tmp_path: Path)
 
 
 def test_own_gains_sample_time_and_start(run: Run) -> None:
+    Path("corners.csv").write_text("t_s,theta_deg\n1,0\n1.1,5\n1.5,5\n1.6,0\n")
     outcome = run(
-        "tune", SWING, "--reference", "wave.csv", "--sample-time", "0.006", "--draws", "0", "--out", "here",
+        "tune", SWING, "--reference", "corners.csv", "--sample-time", "0.006", "--draws", "0",
+        "--out", "here",
         "--gain", "proportional=0.05:bar/deg", "--gain", "derivative=2e4", "--start", "angle=2",
         "--starts", "1", "--steps", "2", "--seed", "3", "--budget", "60",
     )  # fmt: skip
@@ -93,6 +95,8 @@ def test_own_gains_sample_time_and_start(run: Run) -> None:
     table = pd.read_csv("here/commands.csv")
     assert table["theta_deg"].to_list()[0] == pytest.approx(2)
     assert table["t_s"].to_list()[1] == pytest.approx(0.006)
+    corners = np.interp(table["t_s"], [0, 0.1, 0.5, 0.6], [0, 5, 5, 0])
+    np.testing.assert_allclose(table["theta_deg_wanted"], corners, atol=1e-9)
     # Nothing could be held out, and the report says so.
     assert tuned.holds is None and "Nothing was held out" in outcome.stdout
     assert "gains as they were given" in Path("here/report.html").read_text(encoding="utf-8")
@@ -157,6 +161,7 @@ BAD = {
     "gains": ((*GIVEN, "--gain", "proportional=1,2"), "one value"),
     "gain in bar": ((*GIVEN, "--gain", "proportional=1:bar"), "--gain proportional=1:bar: expected"),
     "start": ((*GIVEN, "--start", "angel=1"), "--start: unknown state 'angel'; did you mean 'angle'?"),
+    "no sample time": ((SWING, "--reference", "corners.csv"), "not equally far apart"),
     "sample time": ((*GIVEN, "--sample-time", "-0.01"), "--sample-time: expected a time above zero"),
     "long": ((*GIVEN, "--sample-time", "0.5"), "at most half the reference, 0.298 s; got 0.5"),
     "draws": ((*GIVEN, "--draws", "-1"), "--draws: expected a number from 0 on; got -1"),
@@ -174,6 +179,7 @@ def test_bad_input_is_told_and_nothing_is_written(run: Run, tmp_path: Path, why:
     arguments, told = BAD[why]
     (tmp_path / "taken").write_text("")
     (tmp_path / "volts.csv").write_text("t_s,valve_V\n0,1\n1,2\n")
+    (tmp_path / "corners.csv").write_text("t_s,theta_deg\n0,0\n0.1,5\n0.5,5\n")
     wave(tmp_path / "far.csv", 400, 6)
     before = sorted(p.name for p in tmp_path.iterdir())
     outcome = run("tune", *arguments)

@@ -58,6 +58,17 @@ def test_steps_are_those_of_a_simulation(machine):
     np.testing.assert_allclose(shown["pressure"], again["pressure"][1], rtol=1e-12)
 
 
+def test_a_state_of_another_step_goes_on_at_the_own_one():
+    """What a simulation at a fine step has left is taken 2 ms further, not one of its own steps."""
+    fine = jm.simulate(LIFT, waves(40), np.arange(40) * 0.5e-3).final
+    after, _ = jm.stepper(LIFT, STEP).step(fine, 3.0)
+    again = jm.simulate(LIFT, np.full(2, 3.0), np.arange(2) * STEP, start=fine, states=True)
+    assert float(after.time) == pytest.approx(0.02 + STEP)
+    assert again.states is not None
+    for name, values in again.states.items():
+        np.testing.assert_allclose(after.values[name], values[1], rtol=1e-12, atol=1e-12)
+
+
 def test_a_loop_of_ones_own_is_the_closed_loop():
     """A PID by hand, on the joint with a delay and a play, beside the package's own loop."""
     joint = jm.robot.robot_joint(0.64).with_effects(command_delay=DELAY)
