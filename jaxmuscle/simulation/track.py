@@ -154,7 +154,9 @@ def sampling_step(times: ArrayLike) -> float:
     steps = np.diff(np.asarray(times, dtype=float))
     if steps.ndim != 1 or len(steps) < 1 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
         raise ValueError("expected at least two uniform, increasing instants")
-    return float(steps.mean())
+    # Differences of instants are wrong in their last places, in each part of a clock otherwise: a part that
+    # goes on where another ended has the same step.
+    return float(f"{steps.mean():.12g}")
 
 
 def commanded_track(

@@ -11,9 +11,10 @@ import jaxmuscle as jm
 from jaxmuscle import effects
 from jaxmuscle.effects.readings import reading_effect
 from jaxmuscle.errors import InputError
-from jaxmuscle.simulation.simulation_state import SimulationState
+from jaxmuscle.simulation import SimulationState
 
-SAMPLES, CUT = 60, 23
+SAMPLES, CUT = 60, 30
+"""Halves of one length: what is simulated anew shares the compilation of the first."""
 DELAY = built(effects.CommandDelay, 0.0127)
 
 
