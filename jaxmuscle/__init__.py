@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from jaxmuscle.recordings import actuator_from_card as actuator
     from jaxmuscle.samples import sample
     from jaxmuscle.simulation.simulate import simulate
+    from jaxmuscle.simulation.stepper import stepper
     from jaxmuscle.sweeps import commands, sweep
     from jaxmuscle.tuning import tune
 
@@ -77,6 +78,7 @@ _PLACES = {
     "signals": ("jaxmuscle.signals", None),
     "simulate": ("jaxmuscle.simulation.simulate", "simulate"),
     "simulation": ("jaxmuscle.simulation", None),
+    "stepper": ("jaxmuscle.simulation.stepper", "stepper"),
     "sweep": ("jaxmuscle.sweeps", "sweep"),
     "tune": ("jaxmuscle.tuning", "tune"),
     "tuning": ("jaxmuscle.tuning", None),
@@ -115,6 +117,7 @@ __all__ = [
     "signals",
     "simulate",
     "simulation",
+    "stepper",
     "sweep",
     "tune",
     "tuning",

@@ -12,6 +12,7 @@ import jaxmuscle
 from jaxmuscle.cli.cards import check, init
 from jaxmuscle.cli.compare import compare
 from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
+from jaxmuscle.cli.simulation_subcommands import simulate, tune
 from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
 
 __all__ = [
@@ -28,7 +29,9 @@ __all__ = [
     "init",
     "main",
     "options",
+    "simulate",
     "sweep",
+    "tune",
 ]
 
 app = typer.Typer(
@@ -78,4 +81,6 @@ app.command()(check)
 app.command()(compare)
 app.command()(fit)
 app.command()(effects)
+app.command()(simulate)
 app.command()(sweep)
+app.command()(tune)

@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.cli.option_values import Unit, numbers_of, split_option
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import atomic_write
 from jaxmuscle.parameters import Parameter, get, replace
@@ -24,34 +25,10 @@ from jaxmuscle.sweeps import FailedPoints, sweep
 from jaxmuscle.sweeps.commands import COMMANDS
 from jaxmuscle.sweeps.operating_points import checked_values, swept
 from jaxmuscle.sweeps.scenario import PREFIX, Bench, bench_of
-from jaxmuscle.units import scale, to_si
 
 LOGARITHMIC = "log"
 OVER = "NAME=FROM:TO:N[:log][:UNIT] or NAME=VALUE,VALUE,…[:UNIT]"
 SET = "NAME=VALUE[:UNIT]"
-
-
-@dataclasses.dataclass(frozen=True)
-class Unit:
-    """How numbers are written: `name` of the unit, `si`, and what is added in SI (gauge pressures)."""
-
-    name: str
-    si: str
-    shift: float = 0.0
-
-    @property
-    def label(self) -> str:
-        """The unit as a picture shows it."""
-        return f"{self.name} gauge" if self.shift else self.name
-
-    def to_si(self, numbers: np.ndarray) -> np.ndarray:
-        """Numbers as written, in SI."""
-        return np.asarray(to_si(numbers, self.name, self.si)) + self.shift
-
-    def from_si(self, values: np.ndarray) -> np.ndarray:
-        """The inverse of :meth:`to_si`."""
-        zero = self.to_si(np.zeros(1))[0]
-        return (np.asarray(values) - zero) / scale(self.name, self.si)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,9 +50,9 @@ def commanded(card: Card, actuator: AbstractActuator, command: str, settings: Se
         raise InputError(f"--command: unknown {command!r}{nearest(command, COMMANDS)}")
     bench = bench_of(actuator, {}, COMMANDS[command](), None, {})
     for text in settings:
-        name, body = _split(text, "--set", SET)
+        name, body = split_option(text, "--set", SET)
         leaf = swept(bench, name)
-        numbers, rest = _numbers(body.split(":")[0], text, SET), body.split(":")[1:]
+        numbers, rest = numbers_of(body.split(":")[0], text, SET), body.split(":")[1:]
         values = _unit(rest, card, name, leaf, text, SET).to_si(numbers)
         # A command may differ from muscle to muscle.
         each = name.startswith(PREFIX) and len(values) == len(actuator.commands)
@@ -95,11 +72,11 @@ def axis(text: str, card: Card, bench: Bench) -> Axis:
     Raises:
         InputError: another form, an unknown name or unit, a logarithmic axis that is not above zero.
     """
-    name, body = _split(text, "--over", OVER)
+    name, body = split_option(text, "--over", OVER)
     leaf = swept(bench, name)
     parts = body.split(":")
     if "," in parts[0] or len(parts) < 3:
-        numbers, rest = _numbers(parts[0], text, OVER), parts[1:]
+        numbers, rest = numbers_of(parts[0], text, OVER), parts[1:]
     else:
         numbers, rest = _range(parts, text)
     unit = _unit(rest, card, name, leaf, text, OVER)
@@ -107,7 +84,7 @@ def axis(text: str, card: Card, bench: Bench) -> Axis:
 
 
 def _range(parts: Sequence[str], text: str) -> tuple[np.ndarray, Sequence[str]]:
-    first, last = _numbers(f"{parts[0]},{parts[1]}", text, OVER)
+    first, last = numbers_of(f"{parts[0]},{parts[1]}", text, OVER)
     if not parts[2].isdigit() or int(parts[2]) < 1:
         raise InputError(f"--over {text}: expected {OVER}; the number of values is {parts[2]!r}")
     count = int(parts[2])
@@ -116,20 +93,6 @@ def _range(parts: Sequence[str], text: str) -> tuple[np.ndarray, Sequence[str]]:
     if min(first, last) <= 0:
         raise InputError(f"--over {text}: a logarithmic axis has to be above zero")
     return np.geomspace(first, last, count), parts[4:]
-
-
-def _split(text: str, option: str, form: str) -> tuple[str, str]:
-    name, equals, body = text.partition("=")
-    if not equals or not name or not body:
-        raise InputError(f"{option} {text}: expected {form}")
-    return name.strip(), body.strip()
-
-
-def _numbers(text: str, whole: str, form: str) -> np.ndarray:
-    try:
-        return np.array([float(part) for part in text.split(",")])
-    except ValueError as error:
-        raise InputError(f"{whole}: expected {form}; {error}") from error
 
 
 def _unit(rest: Sequence[str], card: Card, name: str, leaf: Parameter, text: str, form: str) -> Unit:

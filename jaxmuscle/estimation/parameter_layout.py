@@ -29,8 +29,12 @@ def unknown_within(
     start: float,
     prior: Prior | None,
     bounds: Bounds,
+    owner: str = "actuator",
 ) -> Unknown:
     """An unknown that starts within its bounds.
+
+    Args:
+        owner: what has the parameter, for the advice in a message.
 
     Raises:
         InputError: bounds in the wrong order, a start outside, a prior that is none or contradicts them.
@@ -44,7 +48,7 @@ def unknown_within(
     if not lower <= start <= upper or (place.positive and start <= 0):
         raise InputError(
             f"bounds of {name}: its start, {start:g}, is not within {within}; "
-            f"widen the bounds, or start elsewhere: jaxmuscle.replace(actuator, {{{place.path!r}: …}})"
+            f"widen the bounds, or start elsewhere: jaxmuscle.replace({owner}, {{{place.path!r}: …}})"
         )
     if prior is not None:
         if not (math.isfinite(prior.mean) and 0 < prior.std < math.inf):

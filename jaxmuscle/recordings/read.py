@@ -67,10 +67,13 @@ def read(
     return _recording(table, card, sha256, resample)
 
 
-def table_in_file(file: Path) -> tuple[Table, str]:
-    """The table in a file, and the checksum of the file; errors as of :func:`read`."""
+def table_in_file(file: Path, kind: str = "recording") -> tuple[Table, str]:
+    """The table in a file, and the checksum of the file; errors as of :func:`read`.
+
+    `kind`: what it is, in the words of a message.
+    """
     check_ending(file)
-    existing_file(file, "recording", SUFFIXES)
+    existing_file(file, kind, SUFFIXES)
     content = file_content(file)
     return read_table(file, content), hashlib.sha256(content).hexdigest()
 

@@ -30,11 +30,11 @@ UNDER_AMBIENT = 0.5
 """Ratio of a measured pressure to the ambient one below which no muscle that vents to ambient goes."""
 
 
-def check_clock(table: Table, card: Card, time: Series) -> None:
+def check_clock(table: Table, card: Card, time: Series, fewest: int = FEWEST_ROWS) -> None:
     """Raise `InputError` unless there are enough samples, at increasing times, at a plausible step."""
     where = f"{table.file}, column {card.columns['time'].column!r}"
-    if len(time) < FEWEST_ROWS:
-        raise InputError(f"{table.file}: expected at least {FEWEST_ROWS} rows of samples; got {len(time)}")
+    if len(time) < fewest:
+        raise InputError(f"{table.file}: expected at least {fewest} rows of samples; got {len(time)}")
     gaps = np.diff(time)
     back = np.flatnonzero(gaps <= 0)
     if back.size:
@@ -106,13 +106,8 @@ def check_signals(table: Table, card: Card, columns: Mapping[str, Series]) -> No
         columns: quantity → samples in SI, pressures absolute.
     """
     rig, problems = RIGS[card.rig], Problems(table.file)
-    needs = schema.columns(rig)
-    names = {name: f"column {card.columns[name].column!r} ({name})" for name in columns}
-    for name, values in columns.items():
-        if needs[name].referenced:
-            problem = _impossible_pressure(table, card, name, values, name in rig.commands)
-            if problem is not None:
-                problems.add(names[name], problem)
+    names = _called(card, columns)
+    _note_pressures(table, card, columns, problems)
     still = {name for name, values in columns.items() if np.ptp(values) == 0}
     imposed = schema.imposed_columns(rig)
     if imposed and still.issuperset(imposed):
@@ -120,9 +115,31 @@ def check_signals(table: Table, card: Card, columns: Mapping[str, Series]) -> No
         problems.add(where, "constant throughout; there is nothing to identify. Use a recording that moves")
     for name in schema.predicted_columns(rig):
         if name in still:
-            value = f"{columns[name][0]:.6g} {needs[name].unit}"
+            value = f"{columns[name][0]:.6g} {schema.columns(rig)[name].unit}"
             problems.add(names[name], f"constant, {value}; is it the right column, does the sensor work?")
     problems.check()
+
+
+def check_pressures(table: Table, card: Card, columns: Mapping[str, Series]) -> None:
+    """Raise `InputError` for pressures that cannot be; arguments as of :func:`check_signals`."""
+    problems = Problems(table.file)
+    _note_pressures(table, card, columns, problems)
+    problems.check()
+
+
+def _note_pressures(table: Table, card: Card, columns: Mapping[str, Series], problems: Problems) -> None:
+    rig, names = RIGS[card.rig], _called(card, columns)
+    needs = schema.columns(rig)
+    for name, values in columns.items():
+        if needs[name].referenced:
+            problem = _impossible_pressure(table, card, name, values, name in rig.commands)
+            if problem is not None:
+                problems.add(names[name], problem)
+
+
+def _called(card: Card, columns: Mapping[str, Series]) -> dict[str, str]:
+    """Quantity → what messages call its column."""
+    return {name: f"column {card.columns[name].column!r} ({name})" for name in columns}
 
 
 def _impossible_pressure(

@@ -3,12 +3,14 @@ of windows.
 """
 
 from jaxmuscle.simulation.run import Feedback, Run, observe, predict, run
+from jaxmuscle.simulation.simulation_state import SimulationState
 from jaxmuscle.simulation.track import Restarts, Start, Track, held_at, start_at_rest, with_states
 
 __all__ = [
     "Feedback",
     "Restarts",
     "Run",
+    "SimulationState",
     "Start",
     "Track",
     "held_at",

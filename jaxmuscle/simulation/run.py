@@ -25,10 +25,10 @@ from jaxmuscle.effects.base import States
 from jaxmuscle.effects.chain import updated_memories
 from jaxmuscle.signals import Past
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
-from jaxmuscle.simulation.sensor_errors import Readings, shown_readings, without_sensor_errors
+from jaxmuscle.simulation.sensor_errors import Readings, readings_now, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
-from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, start_at_rest, time_at
+from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, reads, start_at_rest, time_at
 
 Derivatives = Literal["any", "forward", "linearised"]
 """Derivatives that a run is laid out for: in either mode; in forward mode with several tangents, which is
@@ -99,12 +99,13 @@ class Interval(eqx.Module):
 class Run(eqx.Module):
     """Readings at the samples of a run, and the states and memories with which each sample begins.
 
-    `command` is what was held from each sample on.
+    `command` is what was held from each sample on, `final` where the last one led to.
     """
 
     readings: dict[str, Array]
     states: Start
     command: Array
+    final: Start
 
 
 class Carry(NamedTuple):
@@ -165,7 +166,8 @@ def run(
         derivatives: of the readings by numbers of the actuator, as they will be taken.
 
     Returns:
-        readings as the sensors show them, kept states and commands, each with a leading axis of `samples`.
+        readings as the sensors show them, kept states and commands, each with a leading axis of `samples`;
+        and states and memories one step after the last sample.
     """
     whole, actuator = actuator, without_sensor_errors(actuator)
     free = {name: value for name, value in start.state.items() if name not in imposed}
@@ -193,7 +195,7 @@ def run(
         readings = sensed(actuator, actuator.signals(state, interval.held(memory)), states)
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
         if feedback is not None and loop is not None:
-            shown = _shown_now(whole, readings, track, at.row)
+            shown = readings_now(whole, readings, track, at.row)
             control, command = feedback.update(loop.control, shown, at.number)
             interval, loop = _under(Loop(control, command, loop.table), interval, track, at.row)
         own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
@@ -204,16 +206,10 @@ def run(
     if derivatives != "any":
         begin = depending_on(actuator, begin)
     scan = linearised_scan if derivatives == "linearised" else jax.lax.scan
-    _, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
-    return Run(shown_readings(whole, readings, track, row), states, commands)
-
-
-def _shown_now(actuator: AbstractActuator, readings: Readings, track: Track, row: Array) -> Readings:
-    """Readings of one sample as the sensors show them."""
-    if without_sensor_errors(actuator) is actuator:
-        return readings
-    series = jax.tree.map(lambda values: values[None], readings)
-    return jax.tree.map(lambda values: values[0], shown_readings(actuator, series, track, row))
+    end, (readings, states, commands) = scan(sample, begin, _known(track, row, samples, imposed))
+    there = track.at(row + samples)
+    final = Start({**end.own, **{name: there[name] for name in imposed}}, end.memory)
+    return Run(shown_readings(whole, readings, track, row), states, commands, final)
 
 
 def _first_loop(
@@ -223,8 +219,8 @@ def _first_loop(
     if feedback is None:
         return None
     # Without a delay the table would make the loop larger and its cotangent dense, for nothing.
-    late = any("past" in effect.reads for effect in actuator.effects.values())
-    return Loop(feedback.start, track.command[row], track.command if late else None)
+    table = track.command if reads(actuator, "past") else None
+    return Loop(feedback.start, track.command[row], table)
 
 
 def _under(loop: Loop, interval: Interval, track: Track, row: Array) -> tuple[Interval, Loop]:

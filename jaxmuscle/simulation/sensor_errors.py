@@ -53,6 +53,16 @@ def shown_readings(
     }
 
 
+def readings_now(
+    actuator: AbstractActuator, readings: Readings, track: Track, row: Int[Array, ""]
+) -> Readings:
+    """Readings of one sample of a track as the sensors show them, without those before or after it."""
+    if without_sensor_errors(actuator) is actuator:
+        return readings
+    series = jax.tree.map(lambda values: values[None], readings)
+    return jax.tree.map(lambda values: values[0], shown_readings(actuator, series, track, row))
+
+
 def true_track(actuator: AbstractActuator, track: Track) -> Track:
     """A measured track as it was in truth, freed of what the machine's sensors do to their readings.
 
@@ -123,7 +133,7 @@ def _samples(actuator: AbstractActuator, column: str, track: Track, rows: Int[Ar
         last = jax.lax.cummin(jnp.where(ends, index, len(rows) - 1), reverse=True)
     ambient = getattr(actuator, "ambient_pressure", STANDARD_ATMOSPHERE)
     zero = ambient if actuator.column(column).referenced else 0.0
-    return Samples(rows * track.step, first, last, zero)
+    return Samples(track.time(rows), first, last, zero)
 
 
 def _by_column(function, values: Array, columns: tuple[str, ...]) -> Array:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -20,6 +21,14 @@ from jaxmuscle.notebook_html import View
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation.run import run
 from jaxmuscle.simulation.sensor_errors import true_track
+from jaxmuscle.simulation.simulation_state import (
+    SimulationState,
+    check_state,
+    form_at_rest,
+    named_states,
+    resumed_track,
+    state_at,
+)
 from jaxmuscle.simulation.simulation_views import simulation_figure, simulation_view
 from jaxmuscle.simulation.solvers import CONTROLLED, METHODS
 from jaxmuscle.simulation.track import (
@@ -93,13 +102,21 @@ def steps_of(
 class Simulation(eqx.Module):
     """Readings of a machine over time, SI: output → array with a leading axis of samples.
 
-    `error`, if it was asked for: how far each reading may be from that of infinitely short steps, up to
-    each sample. `units`: output → SI unit. `command`: what was held from each
-    sample on.
+    Attributes:
+        time: sampling instants [s].
+        final: the state one step after the last sample, with which a run of the commands that follow goes on.
+        states: name of a state → its values at the samples, if they were asked for; those of effects by the
+            effect's name.
+        error: if it was asked for, how far each reading may be from that of infinitely short steps, up to
+            each sample.
+        units: output → SI unit.
+        command: what was held from each sample on.
     """
 
     time: Float[Array, " samples"]
     readings: dict[str, Float[Array, "samples *muscles"]]
+    final: SimulationState
+    states: dict[str, Any] | None = None
     error: dict[str, Float[Array, "samples *muscles"]] | None = None
     units: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
     command: Float[Array, "samples *muscles"] | None = None
@@ -151,13 +168,14 @@ def simulate(
     given: Recording | ArrayLike,
     times: ArrayLike | None = None,
     *,
-    start: Mapping[str, ArrayLike] | None = None,
+    start: Mapping[str, ArrayLike] | SimulationState | None = None,
     method: str | None = None,
     substeps: int | None = None,
     tolerance: float | None = None,
     error: bool = False,
+    states: bool = False,
 ) -> Simulation:
-    """Simulate `actuator` from rest.
+    """Simulate `actuator` from rest, or on from where another simulation ended.
 
     Between two samples, where the command is held, fixed steps are taken or, with a `tolerance`, steps whose
     estimated error stays below it. Play operators are exact either way. Of a muscle with dry friction and
@@ -169,10 +187,13 @@ def simulate(
         given: a recording, whose command is replayed from its first measured state (states that the bench
             imposes follow the recording); or a command, one row a sample, held until the next one.
         times: sampling instants of a command [s], uniform.
-        start: states at the first sample, for a command: SI, absolute pressures; without it the muscle is
-            at ambient pressure and everything at rest. By name: measured states and rates; hidden states of
-            the machine (``opening``); those of effects by the effect's name (``creep``); of an array all
-            entries or one (``creep[0]``), as a fit calls them after ``start.``.
+        start: states at the first sample, SI, absolute pressures; without it the muscle is at ambient
+            pressure and everything at rest. By name: measured states and rates, which a recording has
+            itself; hidden states of the machine (``opening``); those of effects by the effect's name
+            (``creep``); of an array all entries or one (``creep[0]``), as a fit calls them after ``start.``.
+            Or the `final` state of another simulation, or a state of a :func:`jaxmuscle.stepper`: in fixed
+            steps a command in two halves then gives the readings of the whole. (An error of a sensor that
+            takes a series does not see the readings before.)
         method: "chebyshev" (second order, stabilised), "heun" (second), "bogacki-shampine" (third) or
             "dormand-prince" (fifth); without one the machine's own, which is "chebyshev" or, where part of
             the machine is linear and fast, an exponential method.
@@ -182,34 +203,49 @@ def simulate(
         error: simulate a second time, with steps half as long and a tenth of the tolerance, and give twice
             the largest difference so far as the error of the readings. It bounds the error where halving
             the steps halves it at least.
+        states: keep the states at every sample too.
 
     Returns:
-        the readings at every sample; differentiable with respect to the parameters in forward mode, and with
-        fixed steps in reverse mode.
+        the readings at every sample and the state at the end; differentiable with respect to the parameters
+        in forward mode, and with fixed steps in reverse mode.
 
     Raises:
         ValueError: a command without times, times of another length or not uniform, an unknown start.
         TypeError: a command for a rig whose states are imposed by a bench.
-        InputError: an unknown method, substeps or a tolerance out of range.
+        InputError: an unknown method, substeps or a tolerance out of range; measured states as start of a
+            recording, a state of another rig, of a machine with other effects, or at another sampling step
+            where a delay asks for the commands before it.
     """
     hidden: dict[str, Array] = {}
+    named = {} if isinstance(start, SimulationState) else dict(start or {})
     if isinstance(given, Recording):
-        track = true_track(actuator, observed(actuator, given, given.card.noise).track)
-        clock = np.asarray(given.time)
+        track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
+        if isinstance(start, SimulationState):
+            # A sensor that drifts has drifted since the simulation began.
+            track = dataclasses.replace(track, begin_time=start.time)
+        track = true_track(actuator, track)
+        if own := [name for name in named if is_measured(actuator, name)]:
+            raise InputError(f"start: a recording begins as it was measured; leave out {', '.join(own)}")
+        hidden = hidden_start(actuator, track, named)
     else:
-        track, clock, hidden = _commanded(actuator, given, times, start or {})
-    steps = steps_of(actuator, float(clock[1] - clock[0]), method, substeps, tolerance)
-    readings = _run(actuator, track, len(clock), steps, hidden)
+        track, clock, hidden = _commanded(actuator, given, times, named)
+    step = float(clock[1] - clock[0])
+    steps = steps_of(actuator, step, method, substeps, tolerance)
+    begin = None
+    if isinstance(start, SimulationState):
+        check_state(actuator, start, step, form_at_rest(actuator))
+        begin = start
+    readings, kept, final = _run(actuator, track, len(clock), steps, hidden, begin, states)
+    bound = None
+    if error:
+        finer, *_ = _run(actuator, track, len(clock), steps.finer(), hidden, begin, False)
+        bound = jax.tree.map(_bound, readings, finer)
     units = tuple(
         (name, actuator.columns[group[0]].unit)
         for name, group in actuator.outputs.items()
         if group[0] in actuator.columns
     )
-    if not error:
-        return Simulation(jnp.asarray(clock), readings, units=units, command=track.command)
-    finer = _run(actuator, track, len(clock), steps.finer(), hidden)
-    bound = jax.tree.map(_bound, readings, finer)
-    return Simulation(jnp.asarray(clock), readings, bound, units, track.command)
+    return Simulation(jnp.asarray(clock), readings, final, kept, bound, units, track.command)
 
 
 def _bound(coarse: Array, fine: Array) -> Array:
@@ -219,20 +255,35 @@ def _bound(coarse: Array, fine: Array) -> Array:
 
 @eqx.filter_jit
 def _run(
-    actuator: AbstractActuator, track: Track, samples: int, steps: Steps, hidden: dict[str, Array]
-) -> dict[str, Array]:
-    begin = with_states(start_at_rest(actuator, track), hidden)
-    return run(
+    actuator: AbstractActuator,
+    track: Track,
+    samples: int,
+    steps: Steps,
+    hidden: dict[str, Array],
+    state: SimulationState | None,
+    states: bool,
+) -> tuple[dict[str, Array], dict[str, Any] | None, SimulationState]:
+    """Readings, states by name where they are wanted, and the state at the end."""
+    row = 0
+    if state is None:
+        begin = with_states(start_at_rest(actuator, track), hidden)
+    else:
+        begin = state.begin
+        track, row = resumed_track(actuator, track, state)
+    done = run(
         actuator,
         track,
         begin,
-        jnp.asarray(0),
+        jnp.asarray(row),
         samples=samples,
         imposed=actuator.imposed,
         substeps=steps.substeps,
         method=steps.method,
         tolerance=steps.tolerance,
-    ).readings
+        keep=tuple(begin.state) if states else (),
+    )
+    final = state_at(actuator, track, done.final, row + samples)
+    return done.readings, named_states(done.states) if states else None, final
 
 
 def _commanded(

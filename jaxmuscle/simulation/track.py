@@ -35,6 +35,8 @@ class Track(eqx.Module):
         widening: how many times as wide as it is dry friction is smoothed, for the first stages of a fit.
         is_true: whether the measured states are freed of what sensors do to their readings
             (:func:`jaxmuscle.simulation.sensor_errors.true_track`).
+        begin_time: of row 0, since the simulation began [s]; 0 when `None`.
+        before: command before row 0; that under which the machine rests there when `None`.
     """
 
     step: Float[Array, ""]
@@ -43,6 +45,13 @@ class Track(eqx.Module):
     begins: Bool[Array, " samples"] | None = None
     widening: Float[Array, ""] | None = None
     is_true: bool = eqx.field(static=True, default=False)
+    begin_time: Float[Array, ""] | None = None
+    before: Float[Array, "*muscles"] | None = None
+
+    def time(self, row: Array) -> Array:
+        """Seconds since the simulation began at a row, or at several."""
+        passed = row * self.step
+        return passed if self.begin_time is None else self.begin_time + passed
 
     def at(self, row: Array) -> State:
         """The measured states at a sample, or at several."""
@@ -113,8 +122,13 @@ def held_at(actuator: AbstractActuator, track: Track, row: Array, memory: States
 
 
 def time_at(actuator: AbstractActuator, track: Track, row: Array) -> Array | None:
-    """Seconds from the first row of the track to a sample; `None` where no effect reads the time."""
-    return row * track.step if any("time" in effect.reads for effect in actuator.effects.values()) else None
+    """Seconds since the simulation began at a sample; `None` where no effect reads the time."""
+    return track.time(row) if reads(actuator, "time") else None
+
+
+def reads(actuator: AbstractActuator, signal: str) -> bool:
+    """Whether an effect of the machine reads a signal."""
+    return any(signal in effect.reads for effect in actuator.effects.values())
 
 
 def past_at(actuator: AbstractActuator, track: Track, row: Array) -> Past | None:
@@ -122,8 +136,17 @@ def past_at(actuator: AbstractActuator, track: Track, row: Array) -> Past | None
     if not actuator.commands:
         return None
     first = track.first(row)
-    before = actuator.resting_command(track.at(jnp.asarray(first)))
-    return Past(track.command, row, track.step, before, first)
+    return Past(track.command, row, track.step, command_before(actuator, track, first), first)
+
+
+def command_before(actuator: AbstractActuator, track: Track, first: Array | int) -> Array:
+    """The command before a stretch that begins at row `first`; zero for a rig without one."""
+    if not actuator.commands:
+        return jnp.zeros(())
+    if track.before is not None and track.begins is None:
+        return track.before
+    resting = actuator.resting_command(track.at(jnp.asarray(first)))
+    return resting if track.before is None else jnp.where(jnp.asarray(first) == 0, track.before, resting)
 
 
 def sampling_step(times: ArrayLike) -> float:
@@ -131,7 +154,9 @@ def sampling_step(times: ArrayLike) -> float:
     steps = np.diff(np.asarray(times, dtype=float))
     if steps.ndim != 1 or len(steps) < 1 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():
         raise ValueError("expected at least two uniform, increasing instants")
-    return float(steps.mean())
+    # Differences of instants are wrong in their last places, in each part of a clock otherwise: a part that
+    # goes on where another ended has the same step.
+    return float(f"{steps.mean():.12g}")
 
 
 def commanded_track(
@@ -139,7 +164,8 @@ def commanded_track(
 ) -> Track:
     """The track of a command of shape (samples, *muscles) from `start`, else from what the rig rests at.
 
-    The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start.
+    The step, the command, the start and the actuator may be traced. `ValueError` for an unknown start, or one
+    of another shape than the state's.
     """
     states = {name: actuator.at_rest(name) for name in (*actuator.measured, *actuator.derivatives)}
     known = {path for name, value in states.items() for path in (name, *entries_of(name, value))}
@@ -147,8 +173,10 @@ def commanded_track(
         raise ValueError(f"unknown start {sorted(unknown)}; expected some of {sorted(states)}")
     for path, value in start.items():
         name, index = split_index(path)
-        whole = jnp.asarray(value, dtype=float)
-        states[name] = whole if index is None else states[name].at[index].set(whole)
+        whole, shape = jnp.asarray(value, dtype=float), states[name][index or ()].shape
+        if whole.shape not in ((), shape):
+            raise ValueError(f"start of {path}: expected the shape {shape}; got {whole.shape}")
+        states[name] = states[name].at[index or ()].set(whole)
     samples = command.shape[0]
     measured = {name: jnp.broadcast_to(value, (samples, *value.shape)) for name, value in states.items()}
     return Track(step, command, measured)

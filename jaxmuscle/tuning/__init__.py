@@ -20,7 +20,7 @@ fit leaves them open with ``jm.tuning.drawn(references, times, jm.tuning.sample(
 """
 
 from jaxmuscle.tuning.cost_terms import TERMS
-from jaxmuscle.tuning.judged import Gain, Judged
+from jaxmuscle.tuning.scenario_costs import Gain, Judged
 from jaxmuscle.tuning.scenarios import Scenario, drawn, grid, sample
 from jaxmuscle.tuning.tune import tune
 from jaxmuscle.tuning.tuning_result import Tuning

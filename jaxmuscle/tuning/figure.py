@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxmuscle.formatting import printed_unit
-from jaxmuscle.tuning.judged import Judged
+from jaxmuscle.tuning.scenario_costs import Judged
 
 INK, BEFORE, AFTER = "#22272e", "#6b7280", "#d9531e"
 
@@ -22,8 +22,16 @@ def plot(
     """The figure; shown by a notebook, or saved with ``savefig``.
 
     A column for the worst training scenario and one for the worst that was held out: reference and reading
-    above, commands below; beneath them every term after over before, on a logarithmic scale.
+    above, commands below; beneath them every term after over before, on a logarithmic scale. Without traces
+    that alone.
     """
+    if not traces:
+        figure = Figure(figsize=(5.5 * len(sides), 2.5), layout="constrained")
+        alone: Any = figure.subplots(1, len(sides), squeeze=False)
+        for axes, (name, both) in zip(alone[0], sides.items(), strict=True):
+            axes.set_title(name, fontsize=9, loc="left")
+            _terms(axes, units, *both)
+        return figure
     figure = Figure(figsize=(5.5 * len(traces), 8.0), layout="constrained")
     axes: Any = figure.subplots(3, len(traces), squeeze=False, gridspec_kw={"height_ratios": [3, 2, 2]})
     for column, ((name, table), both) in enumerate(zip(traces.items(), sides.values(), strict=True)):
@@ -39,13 +47,20 @@ def _lines(axes: Axes, table: pd.DataFrame, unit: str, command: bool) -> None:
     own = [name for name in table.columns if name.startswith("command") == command]
     values = table[own].to_numpy(dtype=float)
     size, printed = printed_unit(unit, float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
+    labelled = set()
     for name in own:
-        colour = INK if name == "reference" else BEFORE if name.endswith("before") else AFTER
+        kind = name if name == "reference" else name.split()[-1]
+        colour = INK if name == "reference" else BEFORE if kind == "before" else AFTER
         width = 1.4 if name == "reference" else 1.0
-        axes.plot(table.index, table[name] / size, color=colour, linewidth=width, label=name)
+        # Several commands are told apart by eye; one label for all of them leaves room for the curves.
+        label = None if kind in labelled else kind
+        labelled.add(kind)
+        axes.plot(table.index, table[name] / size, color=colour, linewidth=width, label=label)
     axes.set_ylabel(f"{'command' if command else 'reading'} [{printed or '-'}]")
     axes.set_xlabel("time [s]")
-    axes.legend(frameon=False, fontsize=7)
+    if not command:
+        axes.legend(frameon=False, fontsize=8, loc="upper right", ncols=3, borderaxespad=0.1)
+        axes.margins(y=0.14)
 
 
 def _terms(axes: Axes, units: Mapping[str, str], before: Judged, after: Judged) -> None:

@@ -13,8 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
+from jaxmuscle.estimation.parameter_layout import unknown_within
 from jaxmuscle.estimation.request import Bounds, by_name, names, read_bounds
 from jaxmuscle.parameters import Parameter, entries_of, parameters
 
@@ -97,6 +99,16 @@ def movable(controller: Any, chosen: Sequence[str]) -> Movable:
     return Movable(controller, tuple(known[name][:2] for name in chosen))
 
 
+def gain_unit(actuator: AbstractActuator, unit: str) -> str:
+    """The unit of a gain, in which {input} and {output} are those of a rig's channel."""
+    channel = actuator.channel
+    if channel is None:
+        return unit
+    reading = actuator.column(actuator.outputs[channel.reading][0]).unit
+    reading = f"({reading})" if "/" in reading else reading
+    return unit.replace("{input}", channel.unit or "1").replace("{output}", reading)
+
+
 Known = dict[str, tuple[int, tuple[int, ...], str]]
 """Name of a number → leaf, index in it, name of the whole leaf."""
 
@@ -134,22 +146,13 @@ def _resolved(known: Known, name: str, where: str) -> list[str]:
 def _unknown(place: Parameter, bounds: Bounds, whole: Any) -> Unknown:
     """A gain within its bounds, with the size in which it is moved."""
     start, name = float(place.value), place.name
-    floor = 0.0 if place.positive or place.nonnegative else -math.inf
-    lower = floor if bounds[0] is None else max(bounds[0], floor)
-    upper = math.inf if bounds[1] is None else bounds[1]
     # Without a rig the unit of a gain may still be a template.
-    within = f"{lower:g} to {upper:g} {'' if '{' in place.unit else place.unit}".rstrip()
-    if not lower < upper:
-        raise InputError(f"bounds of {name}: expected a lower one below the upper one; got {within}")
-    if not lower <= start <= upper or (place.positive and start <= 0):
-        raise InputError(
-            f"bounds of {name}: its start, {start:g}, is not within {within}; widen the bounds, or begin "
-            f"elsewhere: jaxmuscle.replace(controller, {{{name!r}: …}})"
-        )
-    if floor == 0.0 and start > 0:
+    shown = dataclasses.replace(place, unit="") if "{" in place.unit else place
+    entry = unknown_within(name, shown, (0,), start, None, bounds, owner="controller")
+    if (place.positive or place.nonnegative) and start > 0:
         moved = dataclasses.replace(place, positive=True)
-        return Unknown(name, moved, (0,), start, lower, upper, SPREAD * start)
-    size = abs(start) or (place.typical or 0.0) or (upper if math.isfinite(upper) else 0.0)
+        return dataclasses.replace(entry, place=moved, scale=SPREAD * start)
+    size = abs(start) or (place.typical or 0.0) or (entry.upper if math.isfinite(entry.upper) else 0.0)
     if place.unit or place.meaning:
         if not size:
             raise InputError(
@@ -159,4 +162,4 @@ def _unknown(place: Parameter, bounds: Bounds, whole: Any) -> Unknown:
     else:
         # A weight of a network: as large as those beside it.
         size = float(np.sqrt(np.mean(whole**2))) or 1.0
-    return Unknown(name, place, (0,), start, lower, upper, size)
+    return dataclasses.replace(entry, place=place, scale=size)

@@ -26,7 +26,7 @@ from jaxmuscle.tuning.cases import Stacked, stacked, target_of
 from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
-from jaxmuscle.tuning.last_word import concluded
+from jaxmuscle.tuning.result_assembly import concluded
 from jaxmuscle.tuning.scenarios import Scenario
 from jaxmuscle.tuning.search import Search
 from jaxmuscle.tuning.tuning_result import Tuning
@@ -112,7 +112,31 @@ def tune(
     points = _points(evaluation.unknowns, starts, seed)
     search = Search(evaluation, steps, deadline, solver, progress, begin)
     lanes = search.from_points(points, wide)
-    return concluded(evaluation, best(lanes), search.told, search.count, time.monotonic() - begin, controller)
+    asked = {
+        "bounds": {name: list(pair) for name, pair in (bounds or {}).items()},
+        "worst": float(worst),
+        "starts": starts if isinstance(starts, int) else [dict(point) for point in starts],
+        "continuation": list(wide),
+        "budget": budget,
+        "steps": steps,
+        "seed": seed,
+        "solver": None if solver is None else type(solver).__name__,
+    }
+    settings = {**_settled(evaluation), **asked}
+    passed = time.monotonic() - begin
+    return concluded(evaluation, best(lanes), search.told, search.count, passed, controller, settings)
+
+
+def _settled(evaluation: Evaluation) -> dict[str, Any]:
+    """What a request came to: the controller's class, the objective, the reading, the step [s]."""
+    goal, inner = evaluation.rig.objective, evaluation.rig.controller.controller
+    sizes = {name: float(size) for name, size in goal.sizes.items()}
+    return {
+        "controller": type(inner).__name__,
+        "objective": getattr(goal.function, "__name__", "a function") if goal.function else sizes,
+        "reading": goal.reading,
+        "step": evaluation.rig.step,
+    }
 
 
 def prepared(

@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 import jaxmuscle
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.serialization import as_toml, plain, restored
+from jaxmuscle.estimation.serialization import as_toml, plain, restored, table
 from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.formatting import aligned, quantity, rounded
 from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.tuning.figure import plot
 from jaxmuscle.tuning.gains import movable
-from jaxmuscle.tuning.judged import Gain, Judged
+from jaxmuscle.tuning.scenario_costs import Gain, Judged
+from jaxmuscle.tuning.trace_files import read_traces, write_traces
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +38,9 @@ class Tuning:
         code: "converged", "stalled" (no step lowers the cost any more), "steps" or "budget" (best so far).
         notes: what a reader has to know, one sentence each.
         traces: scenario → table over time: reference, reading and commands before and after, of the worst
-            training scenario and the worst one held out, as they are with the tuned gains.
+            training scenario and the worst one held out, as they are with the tuned gains; none in a result
+            that was loaded without them.
+        settings: what :func:`jaxmuscle.tune` was asked for.
         evaluations, seconds: points at which cost and derivatives were computed; the whole took.
         controller: the tuned controller, of the kind that was given; `None` in a result that was loaded, see
             :meth:`put_into`.
@@ -53,6 +55,7 @@ class Tuning:
     code: str
     notes: tuple[str, ...]
     traces: dict[str, pd.DataFrame]
+    settings: dict[str, Any]
     evaluations: int
     seconds: float
     controller: Any = None
@@ -97,25 +100,40 @@ class Tuning:
         return _view(self).html()
 
     def plot(self) -> Figure:
-        """A matplotlib figure: the worst scenarios before and after, their commands, all terms."""
+        """A matplotlib figure: the worst scenarios before and after, their commands, all terms.
+
+        Without traces the terms alone.
+        """
         sides = {"training": (self.before, self.after)}
         if self.held_out_before is not None and self.held_out_after is not None:
             sides["held out"] = self.held_out_before, self.held_out_after
         return plot(self.traces, self.units, sides)
 
-    def save(self, path: str | Path) -> Path:
-        """Write everything but the controller as TOML; :meth:`load` reads it back without loss."""
+    def save(self, path: str | Path, traces: bool = False) -> Path:
+        """Write gains, sensitivities, terms, notes and settings as TOML; :meth:`load` reads them back.
+
+        Args:
+            path: the file, ``gains.toml``.
+            traces: write the traces too, beside it, ``gains.npz``.
+        """
         file = Path(path)
-        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "controller"}
-        content = {"kind": KIND, "format": FORMAT, "jaxmuscle": jaxmuscle.__version__}
-        content |= {name: plain(value) for name, value in fields.items()}
-        with atomic_write(file) as (unfinished,):
-            unfinished.write_text(as_toml(content), encoding="utf-8", newline="\n")
+        beside = [file.with_suffix(TRACES)] if traces else []
+        with atomic_write(file, *beside) as (unfinished, *others):
+            unfinished.write_text(self.to_toml(traces), encoding="utf-8", newline="\n")
+            for other in others:
+                write_traces(other, self.traces)
         return file
+
+    def to_toml(self, traces: bool = False) -> str:
+        """What :meth:`save` writes; `traces`: whether they stand beside it."""
+        apart = ("controller", "traces")
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in apart}
+        content = {"kind": KIND, "format": FORMAT, "jaxmuscle": jaxmuscle.__version__, "has_traces": traces}
+        return as_toml(content | {name: plain(value) for name, value in fields.items()})
 
     @classmethod
     def load(cls, path: str | Path) -> Tuning:
-        """A result as it was saved, without its controller.
+        """A result as it was saved, without its controller; with its traces if they are beside it.
 
         Raises:
             InputError: no such file, or not a saved tuning.
@@ -124,7 +142,11 @@ class Tuning:
 
 
 KIND = "jaxmuscle tuning"
-FORMAT = 1
+FORMAT = 2
+"""Of files; 1 held the traces in the TOML, and no settings."""
+READABLE = (1, 2)
+TRACES = ".npz"
+"""Ending of a file of traces."""
 
 
 def _loaded(path: Path) -> Tuning:
@@ -135,7 +157,7 @@ def _loaded(path: Path) -> Tuning:
         raise InputError(f"{file}: cannot be read as TOML: {error}") from error
     if content.get("kind") != KIND:
         raise InputError(f"{file}: not a tuning; expected a file that Tuning.save wrote")
-    if content["format"] != FORMAT:
+    if content["format"] not in READABLE:
         raise InputError(
             f"{file}: written by jaxmuscle {content['jaxmuscle']}, whose files differ; tune again"
         )
@@ -143,7 +165,7 @@ def _loaded(path: Path) -> Tuning:
 
     def judged(name: str) -> Any:
         own = data[name]
-        return None if own is None else Judged(own["cost"], _table(own["terms"]))
+        return None if own is None else Judged(own["cost"], table(own["terms"]))
 
     return Tuning(
         gains={name: Gain(**gain) for name, gain in data["gains"].items()},
@@ -152,14 +174,18 @@ def _loaded(path: Path) -> Tuning:
         held_out_before=judged("held_out_before"),
         held_out_after=judged("held_out_after"),
         notes=tuple(data["notes"]),
-        traces={name: _table(each) for name, each in data["traces"].items()},
+        traces=_traces(file, data),
+        settings=data.get("settings", {}),
         **{name: data[name] for name in ("units", "code", "evaluations", "seconds")},
     )
 
 
-def _table(data: Mapping[str, Any]) -> pd.DataFrame:
-    columns = {name: np.array(values, dtype=float) for name, values in data["columns"].items()}
-    return pd.DataFrame(columns, index=pd.Index(data["index"], name=data["name"]))
+def _traces(file: Path, data: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
+    """The traces within a file of the first format, or those beside it, if they are still there."""
+    if "traces" in data:
+        return {name: table(each) for name, each in data["traces"].items()}
+    beside = file.with_suffix(TRACES)
+    return read_traces(beside) if data["has_traces"] and beside.is_file() else {}
 
 
 def summary(tuned: Tuning) -> str:
@@ -212,7 +238,14 @@ def _headline(tuned: Tuning) -> str:
 
 def _gain_rows(tuned: Tuning) -> list[tuple[str, ...]]:
     return [
-        (name, rounded(gain.start, 4), rounded(gain.value, 4), gain.unit, _rise(gain.less), _rise(gain.more))
+        (
+            name,
+            rounded(gain.start, 4),
+            rounded(gain.value, 4),
+            gain.unit,
+            shown_rise(gain.less),
+            shown_rise(gain.more),
+        )
         for name, gain in tuned.gains.items()
     ]
 
@@ -222,7 +255,7 @@ def _terms(tuned: Tuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     four = (tuned.before, tuned.after, tuned.held_out_before, tuned.held_out_after)
     sides = [side for side in four if side is not None]
     heads = ("term", "training before", "after", "held-out before", "after")[: len(sides) + 1]
-    rows = [(t, *(_shown(side.value(t), unit) for side in sides)) for t, unit in tuned.units.items()]
+    rows = [(t, *(shown_value(side.value(t), unit) for side in sides)) for t, unit in tuned.units.items()]
     return heads, rows
 
 
@@ -232,7 +265,7 @@ MOST_SHOWN = 12
 """Gains that the text lists; the table has all of them."""
 
 
-def _shown(value: float, unit: str) -> str:
+def shown_value(value: float, unit: str) -> str:
     """The value of a term, without what rounding leaves of none."""
     if not math.isfinite(value):
         return "not finite"
@@ -243,5 +276,6 @@ def _costs(before: Judged, after: Judged) -> str:
     return f"{rounded(before.cost, 3)} to {rounded(after.cost, 3)}"
 
 
-def _rise(share: float) -> str:
+def shown_rise(share: float) -> str:
+    """A relative rise of the cost as printed."""
     return f"{100 * share:+.1f} %" if math.isfinite(share) else "-"

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 from actuators.fan import STEP, fan
 from oracles.bench import built
@@ -15,6 +16,7 @@ import jaxmuscle as jm
 from jaxmuscle import control
 from jaxmuscle.control import PID, closed_loop, feedback_on
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.serialization import as_toml, plain
 
 TIMES = STEP * np.arange(150)
 UP = np.where(TIMES < 0.5, 150.0, 190.0)
@@ -92,9 +94,12 @@ def test_sensitivities_are_rises_of_the_cost(tuned):
 
 
 def test_what_is_saved_is_read_back(tuned, tmp_path):
-    file = tuned.save(tmp_path / "gains.toml")
+    file = tuned.save(tmp_path / "gains.toml", traces=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["gains.npz", "gains.toml"]
     back = jm.tuning.Tuning.load(file)
     assert str(back) == str(tuned) and back.values == tuned.values and back.controller is None
+    assert back.settings == tuned.settings and back.settings["objective"] == SIZES
+    assert back.settings["controller"] == "PID" and back.settings["reading"] == "speed"
     for name, table in tuned.traces.items():
         np.testing.assert_array_equal(back.traces[name].to_numpy(), table.to_numpy())
     again = back.put_into(feedback_on(fan(), CONTROLLER)).controller
@@ -108,6 +113,43 @@ def test_what_is_saved_is_read_back(tuned, tmp_path):
     other.write_text("kind = 'jaxmuscle fit'\n")
     with pytest.raises(InputError, match="not a tuning"):
         jm.tuning.Tuning.load(other)
+
+
+def test_gains_are_saved_without_traces(tuned, tmp_path):
+    file = tuned.save(tmp_path / "gains.toml")
+    assert [path.name for path in tmp_path.iterdir()] == ["gains.toml"]
+    assert file.stat().st_size < 8000
+    back = jm.tuning.Tuning.load(file)
+    assert back.traces == {} and str(back) == str(tuned) and back.gains == tuned.gains
+    assert back.held_out_after is not None
+    pd.testing.assert_frame_equal(back.held_out_after.terms, tuned.held_out_after.terms)
+    assert len(back.plot().axes) == 2
+    # A file whose traces have gone is still a tuning; one whose traces are something else is not.
+    tuned.save(file, traces=True)
+    file.with_suffix(".npz").write_text("no traces")
+    with pytest.raises(InputError, match="gains.npz: cannot be read as the traces of a tuning"):
+        jm.tuning.Tuning.load(file)
+    np.savez(file.with_suffix(".npz"), other=np.zeros(2))
+    with pytest.raises(InputError, match="gains.npz: cannot be read as the traces of a tuning"):
+        jm.tuning.Tuning.load(file)
+    file.with_suffix(".npz").unlink()
+    assert jm.tuning.Tuning.load(file).traces == {}
+
+
+def test_a_file_of_the_first_format_is_read(tuned, tmp_path):
+    """It held its traces within, and no settings."""
+    content = {"kind": "jaxmuscle tuning", "format": 1, "jaxmuscle": "0.1.0"}
+    apart = ("controller", "settings")
+    fields = {f.name: getattr(tuned, f.name) for f in dataclasses.fields(tuned) if f.name not in apart}
+    file = tmp_path / "gains.toml"
+    file.write_text(as_toml(content | {name: plain(value) for name, value in fields.items()}))
+    back = jm.tuning.Tuning.load(file)
+    assert str(back) == str(tuned) and back.settings == {}
+    for name, table in tuned.traces.items():
+        np.testing.assert_array_equal(back.traces[name].to_numpy(), table.to_numpy())
+    file.write_text(file.read_text().replace("format = 1", "format = 3"))
+    with pytest.raises(InputError, match="whose files differ; tune again"):
+        jm.tuning.Tuning.load(file)
 
 
 def test_the_text_names_gains_terms_and_units(tuned):

@@ -19,7 +19,8 @@ from jaxmuscle.optimization.levenberg_marquardt import BUDGET, FAILED, STEPS, La
 from jaxmuscle.tuning.cases import target_of
 from jaxmuscle.tuning.cost_terms import TERMS, units
 from jaxmuscle.tuning.evaluation import MOST_FORWARD, Evaluation, Seen
-from jaxmuscle.tuning.judged import Gain, Judged
+from jaxmuscle.tuning.gains import gain_unit
+from jaxmuscle.tuning.scenario_costs import Gain, Judged
 from jaxmuscle.tuning.tuning_result import Tuning
 
 CHANGE = 0.1
@@ -28,13 +29,19 @@ OUT_OF = {STEPS: "steps", BUDGET: "time"}
 
 
 def concluded(
-    evaluation: Evaluation, winner: Lane | None, told: Sequence[str], count: int, seconds: float, given: Any
+    evaluation: Evaluation,
+    winner: Lane | None,
+    told: Sequence[str],
+    count: int,
+    seconds: float,
+    given: Any,
+    settings: dict[str, Any],
 ) -> Tuning:
     """The result at the best point of a search, or at the start gains where these cost less.
 
-    `given`: the controller that was to be tuned.
+    `given`: the controller that was to be tuned; `settings`: of the request, to be kept.
     """
-    unknowns, training = evaluation.unknowns, evaluation.rows
+    unknowns, training, rig = evaluation.unknowns, evaluation.rows, evaluation.rig
     unseen = range(len(training), len(evaluation.stacked.names))
     notes = list(told)
     ends = np.zeros(len(unknowns), dtype=int)
@@ -59,7 +66,7 @@ def concluded(
         gains[entry.name] = Gain(
             value=float(values[i]),
             start=entry.start,
-            unit=_unit(evaluation, entry.place.unit),
+            unit=gain_unit(rig.actuator, entry.place.unit) if rig.attached else entry.place.unit,
             meaning=entry.place.meaning,
             lower=entry.lower,
             upper=entry.upper,
@@ -73,25 +80,16 @@ def concluded(
         after=judged[1],
         held_out_before=judged[2] if unseen else None,
         held_out_after=judged[3] if unseen else None,
-        units=units(evaluation.rig.actuator, evaluation.rig.objective.reading),
+        units=units(rig.actuator, rig.objective.reading),
         code=code,
         notes=(),
         traces=_traces(evaluation, groups),
+        settings=settings,
         evaluations=count,
         seconds=seconds,
     )
     notes += _doubts(tuned)
     return dataclasses.replace(tuned, notes=tuple(notes), controller=tuned.put_into(given))
-
-
-def _unit(evaluation: Evaluation, unit: str) -> str:
-    """A unit in which {input} and {output} are those of the rig's channel."""
-    channel, rig = evaluation.rig.actuator.channel, evaluation.rig.actuator
-    if channel is None or evaluation.rig.attached is None:
-        return unit
-    reading = rig.column(rig.outputs[channel.reading][0]).unit
-    reading = f"({reading})" if "/" in reading else reading
-    return unit.replace("{input}", channel.unit or "1").replace("{output}", reading)
 
 
 def _judged(evaluation: Evaluation, seen: Seen, rows: Sequence[int]) -> Judged:
