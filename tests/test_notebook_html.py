@@ -16,7 +16,7 @@ import jaxmuscle as jm
 from jaxmuscle.analysis import equilibrium, linearise
 from jaxmuscle.notebook_html import POINTS, Sparkline, Table, View, parameter_rows
 from jaxmuscle.recordings import actuator_from_card
-from jaxmuscle.tuning.judged import Gain, Judged
+from jaxmuscle.tuning.scenario_costs import Gain, Judged
 from jaxmuscle.tuning.tuning_result import Tuning
 
 VOID = {"br", "hr", "img"}
@@ -79,7 +79,7 @@ def tuning() -> Tuning:
     return Tuning(
         {"proportional": gain}, before, after, unseen_before, unseen_after, {"tracking": "rad"},
         "converged", ("A note.",),
-        {"training: first": pd.DataFrame(columns, index=clock)}, 12, 3.4,
+        {"training: first": pd.DataFrame(columns, index=clock)}, {"starts": 8}, 12, 3.4,
     )  # fmt: skip
 
 

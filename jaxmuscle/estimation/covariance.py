@@ -152,14 +152,14 @@ class _Space:
         size = len(matrix)
         self.inverse, self.null = np.zeros((size, size)), np.zeros((size, size))
         if len(free):
-            inner = matrix[np.ix_(free, free)]
+            inner = matrix[free[:, None], free]
             scale = np.where(np.diag(inner) > 0, np.sqrt(np.diag(inner)), 1.0)
             values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
             known = values > SINGULAR * max(float(values.max()), 1e-300)
             kept, lost = vectors[:, known], vectors[:, ~known] / scale[:, None]
-            self.inverse[np.ix_(free, free)] = (kept / values[known]) @ kept.T / np.outer(scale, scale)
+            self.inverse[free[:, None], free] = (kept / values[known]) @ kept.T / np.outer(scale, scale)
             lost = np.linalg.qr(lost)[0]
-            self.null[np.ix_(free, free)] = lost @ lost.T
+            self.null[free[:, None], free] = lost @ lost.T
         self.open: NDArray[np.bool_] = np.diag(self.null) > OUTSIDE
 
     def sandwich(self, meat: Matrix) -> Matrix:

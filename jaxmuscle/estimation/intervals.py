@@ -263,7 +263,7 @@ def with_conflicts(parameters: Mapping[str, Fitted], minimum: Minimum) -> dict[s
     for line in minimum.lines:
         weighted = minimum.loss.weighted(line.slopes, line.residual)
         matrix, gradient = matrix + weighted @ line.slopes.T, gradient + weighted @ line.residual
-    inner = np.ix_(free, free)
+    inner = free[:, None], free
     known = np.diag(np.linalg.pinv(matrix[inner], hermitian=True))
     for i, variance in zip(free, known, strict=True):
         heard = 1 - sharpness[i] ** 2 * variance

@@ -59,7 +59,7 @@ def series(objective: Objective, u: NDArray[np.float64]) -> list[Series]:
                 where = layout.rows[inside[..., i]]
                 counts, matrix = np.zeros(rows, dtype=bool), np.zeros((len(u), rows))
                 counts[where] = True
-                matrix[np.ix_(index, where)] = tangents[..., i][:, inside[..., i]]
+                matrix[index[:, None], where] = tangents[..., i][:, inside[..., i]]
                 line, shared = (_placed(rows, where, each[..., i][inside[..., i]]) for each in both)
                 window = np.full(rows, -1, dtype=np.int64)
                 window[where] = np.nonzero(inside[..., i])[0]

@@ -73,11 +73,11 @@ class LeastSquares:
         Coordinates at a bound count as known: they have no variance and are not among the k.
         """
         free = np.flatnonzero(~self.at_bound)
-        inner, found = self.matrix[np.ix_(free, free)], np.zeros_like(self.matrix)
+        inner, found = self.matrix[free[:, None], free], np.zeros_like(self.matrix)
         size = np.sqrt(np.where(np.diag(inner) > 0, np.diag(inner), 1.0))
         inverse = np.linalg.pinv(inner / np.outer(size, size), rcond=SINGULAR, hermitian=True)
         variance = 2 * self.cost / max(self.residuals - len(free), 1)
-        found[np.ix_(free, free)] = variance * inverse / np.outer(size, size)
+        found[free[:, None], free] = variance * inverse / np.outer(size, size)
         return found
 
 
