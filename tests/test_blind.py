@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import blind  # pyright: ignore[reportMissingImports]
 import blind_recordings  # pyright: ignore[reportMissingImports]
 from blind_file import claimed, kept, key  # pyright: ignore[reportMissingImports]

@@ -14,7 +14,7 @@ from jaxmuscle.diagnosis.diagnose import LESS, _in_passes
 from jaxmuscle.diagnosis.verdict import MUCH
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
