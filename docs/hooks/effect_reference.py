@@ -27,13 +27,14 @@ GROUPS = (
     (
         "Where the catalogue leaves something",
         EXTENSION,
-        "What a second pass of a diagnosis seeks as well, with the errors of the sensors below.",
+        "What the last pass of a diagnosis seeks as well, with the errors of the sensors below.",
     ),
     (
         "Only where they are named",
         DECLARABLE,
         "Cards may declare them, and `jm.diagnose(…, catalogue=…)` seeks them where they are named: on "
-        "many recordings they imitate others.",
+        "many recordings they imitate others. Of these `presliding` is tried by itself too, where the "
+        "catalogue leaves something and the card declares dry friction.",
     ),
     (
         "Alternative forms",

@@ -15,7 +15,7 @@ from jaxmuscle.estimation.free_parameters import Prior
 
 MISSING = 2.0
 """Root mean square of what may be missing in a reading, in units of its noise, up to which nothing is said
-to be missing. Clean practice recordings leave up to 1.1 (a joint whose bearing gives way before it slides)
+to be missing. Clean practice recordings leave up to 1.6 (a joint whose bearing gives way before it slides)
 and 0.8 (a test machine whose imposed position and pressure are as measured)."""
 IMITATED = 0.5
 """Share of what is missing (:func:`share_left`) that effects may leave where they leave something
