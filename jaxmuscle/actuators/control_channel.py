@@ -16,7 +16,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import get
 
 Entry = float | str
-"""A number in SI, or the path of a parameter of the rig."""
+"""A number in SI, or the path of a parameter of the rig, after a minus sign for its negative."""
 Entries = Entry | tuple[Entry, ...]
 """The same for all commands, or one for each."""
 
@@ -88,7 +88,7 @@ class ControlChannel:
             if isinstance(entries, tuple) and len(entries) != commands:
                 raise InputError(f"{where}: expected one entry, or {commands}; got {entries}")
             for entry in _each(entries):
-                if isinstance(entry, str) and entry.partition(".")[0] not in paths:
+                if isinstance(entry, str) and entry.removeprefix("-").partition(".")[0] not in paths:
                     raise InputError(f"{where}: expected a number or the path of a parameter; got {entry!r}")
         return dataclasses.replace(self, unit=unit)
 
@@ -97,6 +97,13 @@ def _each(entries: Entries) -> Iterator[Entry]:
     yield from entries if isinstance(entries, tuple) else (entries,)
 
 
+def _value(model: eqx.Module, entry: Entry) -> Array:
+    if isinstance(entry, str):
+        value = get(model, entry.removeprefix("-"))
+        return -value if entry.startswith("-") else value
+    return jnp.asarray(entry, dtype=float)
+
+
 def _filled(model: eqx.Module, entries: Entries, shape: tuple[int, ...]) -> Array:
-    values = [get(model, e) if isinstance(e, str) else jnp.asarray(e, dtype=float) for e in _each(entries)]
+    values = [_value(model, entry) for entry in _each(entries)]
     return jnp.broadcast_to(jnp.stack(values) if isinstance(entries, tuple) and shape else values[0], shape)

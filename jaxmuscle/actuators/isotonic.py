@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.control_channel import ControlChannel
 from jaxmuscle.actuators.variables import Command, Reading, StateVariable
 from jaxmuscle.components import FlowValve, McKibben
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
@@ -75,6 +76,7 @@ class Isotonic(AbstractActuator):
         "muscle contraction contraction_velocity position velocity slip".split()
     )
     largest_step: ClassVar = 0.002
+    channel: ClassVar = ControlChannel("position", lowest="-valve.full_command", highest="valve.full_command")
 
     valve: FlowValve
     muscle: McKibben

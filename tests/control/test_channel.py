@@ -9,9 +9,11 @@ from actuators.fan import STEP, TRUE, Fan, fan
 from oracles import bench
 from oracles.bench import built
 
+import jaxmuscle as jm
 from jaxmuscle.actuators import Actuation, ControlChannel
 from jaxmuscle.control import FuzzyPID, IntegralInversePID, closed_loop, feedback_on
 from jaxmuscle.errors import InputError
+from jaxmuscle.parameters import replace
 from jaxmuscle.robot.tondu2000 import robot_joint
 
 GAIN, INTEGRAL_TIME, IDLE = 0.1, 0.2, 1.0
@@ -71,8 +73,36 @@ def test_settings_are_those_of_the_rig():
         feedback_on(joint, PID, mean_presure=1e5)
     with pytest.raises(InputError, match="'elbow' has no setting 'mean_pressure'"):
         feedback_on(bench.model("elbow"), PID, mean_pressure=1e5)
-    with pytest.raises(InputError, match="'isotonic' declares no control channel"):
-        bench.model("isotonic").actuation()
+    with pytest.raises(InputError, match="'unsteered' declares no control channel"):
+        bench.unsteered().actuation()
+
+
+def test_a_lift_is_steered_by_its_valve_both_ways():
+    lift = bench.model("isotonic")
+    rest, direction, lowest, highest = lift.actuation()
+    assert (float(rest), float(direction)) == (0.0, 1.0)
+    assert float(highest) == float(lift.valve.full_command) == -float(lowest) > 0
+    slope = jax.grad(lambda full: replace(lift, {"valve.full_command": full}).actuation().lowest)(5.0)
+    assert float(slope) == -1.0
+
+
+def test_a_lift_follows_a_reference():
+    """To 30 mm within 0.3 mm; down to 15 mm it is slower, as little pressure is left to drive the air."""
+    lift, times = bench.model("isotonic", load_damping={"coefficient": 300.0}), np.arange(0, 6, 2e-3)
+    wanted = np.where(times < 3, 0.03, 0.015)
+    loop = feedback_on(lift, jm.control.PID(proportional=20.0, integral=0.0, derivative=0.0))
+    done = closed_loop(lift, loop, wanted, times)
+    position = np.asarray(done.readings["position"])
+    assert np.abs(position - wanted)[(times > 2) & (times < 3)].max() < 3e-4
+    assert np.abs(position - wanted)[times > 5].max() < 5e-3
+
+
+def test_a_parameter_that_a_rig_has_not_is_told():
+    lift = bench.model("isotonic")
+    with pytest.raises(InputError, match="expected a number or the path of a parameter; got '-valv.area'"):
+        ControlChannel("position", lowest="-valv.area").checked(
+            "isotonic", lift.units, lift.outputs, 1, {"valve"}
+        )
 
 
 def test_what_a_joint_does_with_an_output():

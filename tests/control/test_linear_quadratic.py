@@ -104,4 +104,4 @@ def test_wrong_sizes_are_told(how, told):
 
 def test_a_rig_without_a_channel_is_told():
     with pytest.raises(InputError, match="declares no control channel"):
-        linear_quadratic(bench.model("isotonic"), STEP, **SIZES)
+        linear_quadratic(bench.unsteered(), STEP, **SIZES)

@@ -166,7 +166,7 @@ def test_wrong_questions_are_told():
     with pytest.raises(InputError, match=r"command of shape \(2,\)"):
         closed_loop(JOINT, Played(), np.zeros(20), clock(20), start=REST)
     with pytest.raises(InputError, match="control.Attached"):
-        feedback_on(bench.model("isotonic"), FUZZY)
+        feedback_on(bench.unsteered(), FUZZY)
     assert control.closed_loop is loop_module.closed_loop
 
 

@@ -1,5 +1,7 @@
 """One card, one command and one package model for each rig, shared by the comparisons with the oracles."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -151,6 +153,19 @@ def model(rig, carried=(), **declared):
     bare = replace(BLANKS[rig], {quantities[name]: value for name, value in CARDS[rig].items()})
     values = {name: declared.get(name, {}) for name in (*carried, *declared)}
     return bare.with_effects(**{name: bare.effect_named(name)(**value) for name, value in values.items()})
+
+
+class Unsteered(Isotonic):
+    """A lift that declares no control channel."""
+
+    rig = "unsteered"
+    channel = None
+
+
+def unsteered():
+    """The lift of its card, without a control channel."""
+    lift = model("isotonic")
+    return Unsteered(**{field.name: getattr(lift, field.name) for field in dataclasses.fields(lift)})
 
 
 def offered(rig):

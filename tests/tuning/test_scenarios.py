@@ -220,7 +220,7 @@ def test_wrong_questions_are_told(controller, how, told):
 
 
 def test_a_controller_of_the_whole_machine_says_what_follows_the_reference():
-    machine = bench.model("isotonic")
+    machine = bench.unsteered()
     with pytest.raises(InputError, match="reading: expected the name of the reading"):
         jm.tune(machine, Wide(jnp.ones(())), on_joint())
     with pytest.raises(InputError, match="unknown reading 'positon'; did you mean 'position'"):
