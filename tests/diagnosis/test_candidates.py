@@ -10,6 +10,7 @@ import pytest
 from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
+from jaxmuscle import effects
 from jaxmuscle.diagnosis.candidates import (
     SEEN,
     carries_state,
@@ -20,6 +21,8 @@ from jaxmuscle.diagnosis.candidates import (
     shapes,
     strengths,
 )
+from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
 from jaxmuscle.effects import BY_NAME, CATALOGUE
 from jaxmuscle.estimation.windows import case
@@ -156,3 +159,23 @@ def test_a_fit_of_more_parameters_than_fits_are_laid_out_for(prepared, tools):
     model, lane = tools.fit(tools.model, names, prepared.training, 15)
     assert np.isfinite(lane.cost)
     assert tools.cost(model, prepared.training) < 0.1 * before
+
+
+def test_of_candidates_that_are_as_good_the_simplest_comes_first():
+    lift = bench.model("isotonic", ("creep", "load_friction", "bladder_stiffness"))
+
+    def ranked(*gains):
+        each = (effects.Creep, effects.BladderStiffness, effects.LoadFriction)
+        return [
+            Candidate((e,), Evidence(gain, 0.0, 1 - gain), np.zeros((1, 4)), lift, ())
+            for e, gain in zip(each, gains, strict=True)
+        ]
+
+    def names(candidates):
+        return [candidate.name for candidate in simplest_first(candidates)]
+
+    creep, bladder, friction = "creep", "bladder_stiffness", "load_friction"
+    assert names(ranked(0.992, 0.99, 0.9)) == [bladder, creep, friction]
+    assert names(ranked(0.992, 0.991, 0.99)) == [friction, creep, bladder]
+    assert names(ranked(0.992, 0.97, 0.96)) == [creep, bladder, friction]
+    assert names([]) == []

@@ -109,10 +109,17 @@ def test_friction_that_builds_up_on_the_card_is_not_tried_again():
     assert len(asked) == 2 and asked[1] == (*CATALOGUE, *EXTENSION, "sensor_offset")
 
 
+NAMES = (
+    "thread_friction", "load_friction", "creep", "length_hysteresis", "bladder_stiffness", "chamber_leak",
+    "pressure_dependent_ends", "command_delay", "gravity", "muscle_mismatch", "load_damping",
+)  # fmt: skip
+"""Effects that the recording may have been drawn from."""
+
+
 @pytest.mark.slow
 def test_a_rough_bearing_is_found_and_its_joint_fitted():
     """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
-    blind = drawn(9, "joint", 1, False, ["bladder_stiffness"])
+    blind = drawn(9, "joint", 1, False, NAMES)
     assert blind.bristles > 0
     found = jm.diagnose(blind.recording)
     assert "presliding" in [effect.name for effect in found.effects]
