@@ -90,7 +90,7 @@ def test_a_lift_follows_a_reference():
     """To 30 mm within 0.3 mm; down to 15 mm it is slower, as little pressure is left to drive the air."""
     lift, times = bench.model("isotonic", load_damping={"coefficient": 300.0}), np.arange(0, 6, 2e-3)
     wanted = np.where(times < 3, 0.03, 0.015)
-    loop = feedback_on(lift, jm.control.PID(proportional=20.0, integral=0.0, derivative=0.0))
+    loop = feedback_on(lift, built(jm.control.PID, 20.0, 0.0, 0.0))
     done = closed_loop(lift, loop, wanted, times)
     position = np.asarray(done.readings["position"])
     assert np.abs(position - wanted)[(times > 2) & (times < 3)].max() < 3e-4
