@@ -102,12 +102,12 @@ def _in_passes(seek: Callable[..., Diagnosis]) -> Diagnosis:
     """
     best, first = seek(CATALOGUE), None
     seconds = best.seconds
-    if leaves_something(best) and _has_dry_friction(best.declared):
+    if _leaves_something(best) and _has_dry_friction(best.declared):
         rough = seek((*CATALOGUE, Presliding), Presliding)
         seconds += rough.seconds
         if _better(rough, best):
             best, first = rough, Presliding
-    if leaves_something(best):
+    if _leaves_something(best):
         own = (Presliding,) if first else ()
         every = seek((*CATALOGUE, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
         seconds += every.seconds
@@ -115,7 +115,7 @@ def _in_passes(seek: Callable[..., Diagnosis]) -> Diagnosis:
     return dataclasses.replace(best, seconds=seconds)
 
 
-def leaves_something(diagnosis: Diagnosis) -> bool:
+def _leaves_something(diagnosis: Diagnosis) -> bool:
     """Whether a diagnosis leaves so much that further effects are to be tried."""
     return diagnosis.missing_in_noise > MUCH and diagnosis.share_left > EXPLAINED
 

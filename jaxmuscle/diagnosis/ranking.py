@@ -161,7 +161,7 @@ def rank(
             promising, evidence, losses[1:], refitted[1:], strict=True
         )
     ]
-    ranked = [*simplest_first(sorted(tried, key=unseen_loss)), *sorted(left, key=unseen_loss)]
+    ranked = [*simplest_first(sorted(tried, key=unseen_loss), len(accepted)), *sorted(left, key=unseen_loss)]
     return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch, valley)
 
 
@@ -294,11 +294,21 @@ A creep whose times run down to nothing is a bladder's stiffness: on practice re
 """
 
 
-def simplest_first(ranked: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates, best first, but of those that are as good as the best one the simplest comes before it."""
+def simplest_first(ranked: Sequence[Candidate], found: int) -> list[Candidate]:
+    """Candidates, best first, but of those that are as good as the best one the simplest comes before it.
+
+    As good is one whose gain is nearly the same and that is supported if the best one is, after so many
+    effects `found`.
+    """
     if not ranked:
         return []
-    as_good = [each for each in ranked if ranked[0].evidence.gain - each.evidence.gain < AS_GOOD]
+    best = ranked[0].evidence
+    as_good = [
+        each
+        for each in ranked
+        if abs(best.gain - each.evidence.gain) < AS_GOOD
+        and each.evidence.supports(found) == best.supports(found)
+    ]
     first = min(as_good, key=lambda each: sum(len(paths_of(each.model, e.name)) for e in each.effects))
     return [first, *(each for each in ranked if each is not first)]
 

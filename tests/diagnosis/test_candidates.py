@@ -164,18 +164,21 @@ def test_a_fit_of_more_parameters_than_fits_are_laid_out_for(prepared, tools):
 def test_of_candidates_that_are_as_good_the_simplest_comes_first():
     lift = bench.model("isotonic", ("creep", "load_friction", "bladder_stiffness"))
 
-    def ranked(*gains):
+    def ranked(*gains, p_values=(0.0, 0.0, 0.0)):
         each = (effects.Creep, effects.BladderStiffness, effects.LoadFriction)
         return [
-            Candidate((e,), Evidence(gain, 0.0, 1 - gain), np.zeros((1, 4)), lift, ())
-            for e, gain in zip(each, gains, strict=True)
+            Candidate((e,), Evidence(gain, p, 1 - gain), np.zeros((1, 4)), lift, ())
+            for e, gain, p in zip(each, gains, p_values, strict=True)
         ]
 
     def names(candidates):
-        return [candidate.name for candidate in simplest_first(candidates)]
+        return [candidate.name for candidate in simplest_first(candidates, 0)]
 
     creep, bladder, friction = "creep", "bladder_stiffness", "load_friction"
     assert names(ranked(0.992, 0.99, 0.9)) == [bladder, creep, friction]
     assert names(ranked(0.992, 0.991, 0.99)) == [friction, creep, bladder]
+    assert names(ranked(0.992, 0.991, 0.99, p_values=(1e-4, 1e-4, 0.02))) == [bladder, creep, friction]
+    assert names(ranked(0.992, 0.991, 0.99, p_values=(1e-4, 0.02, 0.02))) == [creep, bladder, friction]
+    assert names(ranked(0.5, 0.6, 0.4)) == [creep, bladder, friction]
     assert names(ranked(0.992, 0.97, 0.96)) == [creep, bladder, friction]
     assert names([]) == []
