@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -17,10 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.decimation import extremes
 from jaxmuscle.formatting import parameter_words, quantity
+from jaxmuscle.html_template import template
 from jaxmuscle.parameters import parameters
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 WIDTH, HEIGHT, POINTS = 190, 26, 240
 """Size of a small curve [px], and points that it is drawn with."""
@@ -61,7 +58,7 @@ class View:
 
     def html(self) -> str:
         """As HTML that stands by itself."""
-        return _template().render(view=self)
+        return template("notebook.html.j2").render(view=self)
 
 
 class Sparkline:
@@ -116,18 +113,3 @@ def _value(value: Any, unit: str) -> str:
     if entries.size > ENTRIES:
         return f"{' × '.join(map(str, entries.shape))} numbers"
     return ", ".join(quantity(float(each), unit, 4) for each in entries.ravel())
-
-
-@cache
-def _template() -> Template:
-    """The template; its library is loaded with the first notebook's output, not with the classes."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("jaxmuscle", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("notebook.html.j2")

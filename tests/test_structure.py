@@ -47,7 +47,8 @@ ON_THE_SIDE = {
     "formatting": {"parameter_names", "units"},
     "decimation": set(),
     "figure_style": {"decimation"},
-    "notebook_html": {"decimation", "formatting", "parameters"},
+    "html_template": {"formatting"},
+    "notebook_html": {"decimation", "formatting", "html_template", "parameters"},
     "progress": set(),
     "parallel": {"_config"},
 }

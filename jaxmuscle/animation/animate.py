@@ -13,7 +13,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -26,6 +25,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.figure_style import AFTER, INK, MUTED, STYLE, curve, figure
 from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import printed_unit, words
+from jaxmuscle.html_template import template
 from jaxmuscle.notebook_html import parameter_rows
 from jaxmuscle.recordings import Recording, actuator_from_card
 from jaxmuscle.simulation.simulate import Simulation
@@ -104,10 +104,7 @@ class Animation:
     def to_html(self) -> str:
         """A page that plays the pictures; it needs nothing else."""
         frames = [base64.b64encode(_png(image)).decode("ascii") for image in self.images()]
-        environment = Environment(
-            loader=PackageLoader("jaxmuscle.animation", "."), autoescape=True, undefined=StrictUndefined
-        )
-        return environment.get_template("player.html.j2").render(
+        return template("player.html.j2", "jaxmuscle.animation").render(
             frames=frames,
             times=self.times.tolist(),
             pause=self._pause,

@@ -17,7 +17,7 @@ from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.errors import InputError
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.formatting import parameter_words, words
-from jaxmuscle.report.html_template import rendered
+from jaxmuscle.html_template import template
 from jaxmuscle.report.report_files import result
 
 RESULT = "result.json"
@@ -51,7 +51,9 @@ class Comparison:
 
     def page(self) -> str:
         """As one HTML page that needs nothing else."""
-        return rendered("comparison.html.j2", comparison=self, version=jaxmuscle.__version__)
+        return template("comparison.html.j2", "jaxmuscle.report").render(
+            comparison=self, version=jaxmuscle.__version__
+        )
 
 
 def read_outcomes(paths: Sequence[Path]) -> list[Outcome]:

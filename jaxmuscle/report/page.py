@@ -15,6 +15,7 @@ from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.trace_figure import trace_caption, trace_figure
 from jaxmuscle.figure_style import styled, svg_uri
+from jaxmuscle.html_template import template
 from jaxmuscle.report import tables
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.figures import (
@@ -23,7 +24,6 @@ from jaxmuscle.report.figures import (
     reveal_figure,
     strongest_correlation,
 )
-from jaxmuscle.report.html_template import rendered
 from jaxmuscle.report.live_traces import live_traces
 from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
 
@@ -53,7 +53,7 @@ def page(diagnosis: Diagnosis) -> str:
 
     Traces are charts that zoom (uPlot, inlined) where scripts run, still pictures elsewhere and on paper.
     """
-    return rendered("page.html.j2", **_content(diagnosis))
+    return template("page.html.j2", "jaxmuscle.report").render(**_content(diagnosis))
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:

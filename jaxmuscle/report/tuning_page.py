@@ -7,7 +7,7 @@ from typing import Any
 
 from jaxmuscle.figure_style import styled, svg_uri
 from jaxmuscle.formatting import pretty, quantity, rounded, words
-from jaxmuscle.report.html_template import rendered
+from jaxmuscle.html_template import template
 from jaxmuscle.report.page import Picture, versions
 from jaxmuscle.tuning import Judged, Tuning
 from jaxmuscle.tuning.tuning_result import shown_rise, shown_value
@@ -46,7 +46,7 @@ def tuning_page(tuned: Tuning, name: str, rig: str, start: str) -> str:
         "versions": versions(),
         "today": datetime.date.today().isoformat(),
     }
-    return rendered("tuning_page.html.j2", **content)
+    return template("tuning_page.html.j2", "jaxmuscle.report").render(**content)
 
 
 def tuning_sentence(tuned: Tuning) -> str:
