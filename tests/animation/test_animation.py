@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from PIL import Image
-from report.chromium import opened
+from report.chromium import opened, read_until
 
 import jaxmuscle as jm
 from jaxmuscle.actuators.elbow import Elbow
@@ -159,12 +159,7 @@ def test_the_player_plays_and_pauses(tmp_path: Path) -> None:
     file = jm.animate(short("lift"), frames=5).save(tmp_path / "lift.html")
     with opened(file, viewport={"width": 400, "height": 700}) as shown:
         place = "() => Number(document.getElementById('place').value)"
-        # Not wait_for_function: older Playwrights evaluate its text in the page, which forbids that.
-        for _ in range(200):
-            if shown.evaluate(place) > 0:
-                break
-            shown.wait_for_timeout(50)
-        assert shown.evaluate(place) > 0
+        assert read_until(shown, place, lambda now: now > 0) > 0
         shown.get_by_role("button", name="pause").click()
         stopped = shown.evaluate(place)
         shown.wait_for_timeout(400)

@@ -1,7 +1,7 @@
 """A page in a real browser; tests skip where there is none."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,3 +36,17 @@ def opened(file: Path, **context: Any) -> Iterator[Any]:
         finally:
             browser.close()
     assert faults == []
+
+
+def read_until(page: Any, script: str, holds: Callable[[Any], bool], *, seconds: float = 20.0) -> Any:
+    """The value of a script in the page, as soon as it holds; the last one read where it never does.
+
+    Not Playwright's `wait_for_function`: older versions evaluate text in the page, which its policy forbids.
+    """
+    value = page.evaluate(script)
+    for _ in range(int(seconds / 0.05)):
+        if holds(value):
+            break
+        page.wait_for_timeout(50)
+        value = page.evaluate(script)
+    return value

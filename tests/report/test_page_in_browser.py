@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report.chromium import opened
+from report.chromium import opened, read_until
 from report.fake import diagnosis
 
 from jaxmuscle.report.page import page
@@ -35,13 +35,11 @@ def test_drag_zooms_all_charts_and_double_click_shows_all(report: Path) -> None:
         shown.mouse.down()
         shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 60, steps=5)
         shown.mouse.up()
-        shown.wait_for_timeout(100)
-        zoomed = shown.evaluate(RANGE)
+        zoomed = read_until(shown, RANGE, lambda now: now != pytest.approx(WHOLE))
         assert zoomed == pytest.approx([0.25 * WHOLE[1], 0.5 * WHOLE[1]], abs=0.05)
         assert all(scale == pytest.approx(zoomed) for scale in shown.evaluate(SCALES))
         area.dblclick()
-        shown.wait_for_timeout(100)
-        assert shown.evaluate(RANGE) == pytest.approx(WHOLE)
+        assert read_until(shown, RANGE, lambda now: now == pytest.approx(WHOLE)) == pytest.approx(WHOLE)
 
 
 def test_charts_share_a_cursor_that_reads_values(report: Path) -> None:
@@ -50,9 +48,10 @@ def test_charts_share_a_cursor_that_reads_values(report: Path) -> None:
         area.scroll_into_view_if_needed()
         box = area.bounding_box()
         shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 40)
-        shown.wait_for_timeout(100)
-        times = shown.evaluate("() => window.jaxmuscle.plots().map(p => p.data[0][p.cursor.idx])")
-        assert times == pytest.approx([0.5 * WHOLE[1]] * 4, abs=0.05)
+        middle = pytest.approx([0.5 * WHOLE[1]] * 4, abs=0.05)
+        under_cursor = "() => window.jaxmuscle.plots().map(p => p.data[0][p.cursor.idx] ?? NaN)"
+        times = read_until(shown, under_cursor, lambda now: now == middle)
+        assert times == middle
         column = diagnosis("effects found").traces
         row = int(np.argmin(np.abs(column.time - times[0])))
         measured = float(shown.locator(".u-legend .u-series").nth(1).locator(".u-value").inner_text())
@@ -111,8 +110,7 @@ def test_charts_follow_a_change_to_dark(report: Path) -> None:
         ink = "() => window.jaxmuscle.plots()[0].series[1]._stroke"
         light = shown.evaluate(ink)
         shown.emulate_media(color_scheme="dark")
-        shown.wait_for_timeout(200)
-        dark = shown.evaluate(ink)
+        dark = read_until(shown, ink, lambda now: now != light)
         assert light == "#22272e" and dark == "#e4e7eb"
         assert len(shown.evaluate(SCALES)) == 4
 
