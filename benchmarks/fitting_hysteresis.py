@@ -7,7 +7,6 @@ play operators in plain NumPy, every weight and threshold other than at the star
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -18,7 +17,7 @@ from jaxtyping import Array
 from oracles.plays import classical  # pyright: ignore[reportMissingImports]
 
 import jaxmuscle as jm
-from jaxmuscle.actuators import AbstractActuator, Held, Link
+from jaxmuscle.actuators import AbstractImposed, Held, Link
 from jaxmuscle.actuators.actuator import State
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect
@@ -57,7 +56,7 @@ class Loops(AbstractMemoryEffect):
         return self.stiffness * strain - (self.weights * stops).sum(-1)
 
 
-class Pair(AbstractActuator):
+class Pair(AbstractImposed):
     """Two muscles whose lengths and pressures a test machine imposes."""
 
     rig: ClassVar = "pair"
@@ -73,14 +72,10 @@ class Pair(AbstractActuator):
     outputs: ClassVar = {"force": ("force_1", "force_2")}
     links: ClassVar = (Link("force", ("pressure", "contraction"), "muscle_force"),)
     available: ClassVar = frozenset({"pressure", "muscle", "contraction"})
-    largest_step: ClassVar = float("inf")
 
     muscle: McKibben
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
-
-    def rest(self, measured: Mapping[str, Array]) -> State:
-        return dict(measured)
 
     def signals(self, state: State, held: Held) -> Signals:
         signals = Signals(ambient_pressure=self.ambient_pressure, pressure=state["pressure"],
@@ -88,14 +83,8 @@ class Pair(AbstractActuator):
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         return self._with(signals, MUSCLE_FORCE, force, held.memory)
 
-    def vector_field(self, state: State, held: Held) -> State:
-        return {**{name: jnp.zeros(2) for name in self.imposed}, "effects": {}}
-
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"force": signals.muscle_force}
-
-    def constrained(self, state: State) -> State:
-        return state
 
 
 def machine(weights: Any, thresholds: Any, stiffness: Any) -> Pair:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators import AbstractActuator, Held, Reading, StateVariable, register
+from jaxmuscle.actuators import AbstractImposed, Held, Reading, StateVariable, register
 from jaxmuscle.actuators.actuator import State
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.chain import state_rates
 from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, LOAD, Signals
 
 
 @register
-class SealedPiston(AbstractActuator):
+class SealedPiston(AbstractImposed):
     """F = A P + c + dry friction along the motion. Pressure and motion are imposed, F is predicted."""
 
     rig: ClassVar = "sealed-piston"
@@ -32,15 +28,11 @@ class SealedPiston(AbstractActuator):
         Reading("force", "N", ("force",), ("pressure", "position", "velocity"), "load"),
     )
     available: ClassVar = frozenset("time pressure position velocity slip force".split())
-    largest_step: ClassVar = math.inf
 
     area: Scalar = parameter("m^2", "area of the piston", positive=True)
     offset: Scalar = parameter("N", "zero of the load cell", default=0.0, typical=5.0)
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
-
-    def rest(self, measured: Mapping[str, Array]) -> State:
-        return dict(measured)
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
@@ -58,13 +50,5 @@ class SealedPiston(AbstractActuator):
         pushed = signals.load + friction_limit(self.effects, LOAD, signals) * slip
         return self._with(signals.having(force=pushed), FORCE_READING, pushed, states)
 
-    def vector_field(self, state: State, held: Held) -> State:
-        signals = self.signals(state, held)
-        still = {name: jnp.zeros_like(state[name]) for name in self.imposed}
-        return {**still, "effects": state_rates(self.effects, state.get("effects", {}), signals)}
-
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"force": signals.force_reading}
-
-    def constrained(self, state: State) -> State:
-        return state

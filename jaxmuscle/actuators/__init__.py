@@ -9,6 +9,7 @@ from jaxmuscle.actuators.actuator import OLDER, AbstractActuator, Held
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
 from jaxmuscle.actuators.driven import Driven
 from jaxmuscle.actuators.elbow import Elbow
+from jaxmuscle.actuators.imposed import AbstractImposed
 from jaxmuscle.actuators.isotonic import Isotonic
 from jaxmuscle.actuators.jet_pipe import JetPipeActuator, JetPipePiston
 from jaxmuscle.actuators.joint import Joint
@@ -18,6 +19,7 @@ from jaxmuscle.errors import InputError, nearest
 __all__ = [
     "RIGS",
     "AbstractActuator",
+    "AbstractImposed",
     "Actuation",
     "Column",
     "Command",

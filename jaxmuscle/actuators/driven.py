@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
+from jaxmuscle.actuators.actuator import Held, State
+from jaxmuscle.actuators.imposed import AbstractImposed
 from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.cylinder import tension
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.chain import state_rates
 from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
 
 
-class Driven(AbstractActuator):
+class Driven(AbstractImposed):
     """Rig `driven`: pressure and contraction are imposed and measured, the force is predicted ([T] 4, 7).
 
     A muscle cannot push: where force, effects and friction of the threads together would, the force is 0.
@@ -49,14 +46,10 @@ class Driven(AbstractActuator):
     available: ClassVar = frozenset(
         "time pressure muscle contraction contraction_velocity slip force".split()
     )
-    largest_step: ClassVar = math.inf
 
     muscle: McKibben
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
-
-    def rest(self, measured: Mapping[str, Array]) -> State:
-        return dict(measured)
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}
@@ -76,13 +69,5 @@ class Driven(AbstractActuator):
         signals = signals.having(force=tension(signals.muscle_force - friction))
         return self._with(signals, FORCE_READING, signals.force, states)
 
-    def vector_field(self, state: State, held: Held) -> State:
-        signals = self.signals(state, held)
-        still = {name: jnp.zeros_like(state[name]) for name in self.imposed}
-        return {**still, "effects": state_rates(self.effects, state.get("effects", {}), signals)}
-
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"force": signals.force_reading}
-
-    def constrained(self, state: State) -> State:
-        return state

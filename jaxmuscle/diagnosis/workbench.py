@@ -5,6 +5,7 @@ share few compilations, and how they are fitted.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -246,14 +247,13 @@ class Workbench:
         outweigh. Weights and fit are found by turns, from the weights of `model`.
         """
         factors = _factors(self.discrepancies(model, problem))
-        model, lane = self.fit(model, effects, problem, steps, slow, factors)
-        left = self.discrepancies(model, problem)
-        for _ in range(REWEIGHTINGS - 1):
-            before, factors = factors, _factors(left)
-            if all(np.allclose(np.log(before[o]), np.log(factors[o]), rtol=0, atol=ALIKE) for o in factors):
-                break
+        for turn in itertools.count(1):
             model, lane = self.fit(model, effects, problem, steps, slow, factors)
             left = self.discrepancies(model, problem)
+            before, factors = factors, _factors(left)
+            alike = (np.abs(np.log(before[out]) - np.log(factors[out])) <= ALIKE for out in factors)
+            if turn == REWEIGHTINGS or all(each.all() for each in alike):
+                break
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
         return SettledFit(model, lane, left, 0.5 * float((far**2).sum()))

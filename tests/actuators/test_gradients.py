@@ -183,7 +183,9 @@ def test_derivative_over_every_parameter(rig):
     assert_close(derivative, np.stack(difference, axis=-1), tolerance, 1e-9, paths, list(SCENES[rig]))
 
 
-@pytest.mark.parametrize("rig", SCENES)
+@pytest.mark.parametrize(
+    "rig", ["driven", *(pytest.param(rig, marks=pytest.mark.slow) for rig in SCENES if rig != "driven")]
+)
 def test_derivative_over_strengths_at_zero(rig):
     _, paths, scenes, readings, jacobian = machine(rig)
     carried = bench.model(rig, [effect.name for effect in bench.offered(rig)])
@@ -205,6 +207,7 @@ def test_derivative_over_strengths_at_zero(rig):
     assert_close(derivative, np.stack(difference, axis=-1), tolerance, 1e-8, names, list(SCENES[rig]))
 
 
+@pytest.mark.slow
 def test_scenes_are_what_they_say():
     def moved(rig, scene):
         name = {"isotonic": "position", "joint": "angle"}[rig]

@@ -99,6 +99,7 @@ GENERIC = {
 SCALES = {"offset": 1e-3, "receiver_offset": 1e-4}
 
 
+@pytest.mark.slow
 def test_derivatives_equal_differences_in_every_scene():
     actuator = bench.model("jet-pipe", **GENERIC)
     assert set(GENERIC) == {effect.name for effect in bench.offered("jet-pipe")}

@@ -105,6 +105,7 @@ def test_supply_pressure_is_an_input():
 SIZES = {"offset": 1e-3, "receiver_offset": 1e-4}
 
 
+@pytest.mark.slow
 def test_derivatives_equal_differences():
     actuator = machine()
     paths = list(parameters(actuator))

@@ -98,6 +98,7 @@ def test_is_fitted_and_told_in_units(recording, tmp_path):
     assert found == {"start.temperature": "K", "start.speed": "rad/s", "offset.torque": "N m"}
 
 
+@pytest.mark.slow
 def test_is_diagnosed_and_reported(tmp_path):
     """The bearing of the measured fan is damped; the declared one is not."""
     recording = jm.read(written(tmp_path, measured(900, damping=DAMPING)))

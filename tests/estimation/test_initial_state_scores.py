@@ -75,6 +75,7 @@ def test_they_add_to_the_variance():
     assert (found.std >= found.states).all()
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_many_short_windows():
     """Velocities out of noisy positions: 38 of 40 are to hold it, 31 do when that error is left out."""
     true, held = {"mass": 4.0, "effects.load_damping.coefficient": 8.0}, []

@@ -80,6 +80,7 @@ def test_what_a_bench_imposes_begins_no_window():
     np.testing.assert_array_equal(station.whitened(np.arange(5.0)), np.arange(5.0))
 
 
+@pytest.mark.slow
 def test_a_time_constant_is_not_taken_for_where_windows_begin():
     """With begins as smoothed it is 2 % too small, the same way in every draw, four standard errors here."""
     true, found = bench.CARDS["isotonic"]["valve_time_constant"], []

@@ -54,6 +54,7 @@ def test_the_shipped_recordings_have_none() -> None:
         assert sensor_outliers(jm.actuator(recording.card), recording, recording.card.noise) == {}
 
 
+@pytest.mark.slow
 def test_a_diagnosis_leaves_them_out_and_missing_readings_too() -> None:
     effects = {"thread_friction": bench.THREADS, "pressure_dependent_ends": {"amplitude": 0.8}}
     recording = driven_recording(effects, driven_card(bench.THREADS), seed=5)

@@ -29,6 +29,7 @@ def test_exact_with_a_constant_and_a_ramp():
     np.testing.assert_allclose(end, exact[:3], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_second_order_with_a_part_that_is_not_linear():
     matrix = jnp.diag(jnp.array([-200.0, 0.0]))
 

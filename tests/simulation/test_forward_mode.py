@@ -80,6 +80,7 @@ def test_a_carry_that_depends_on_numbers_in_name_only():
     np.testing.assert_allclose(jax.grad(end)(3.0), INPUTS.sum(), rtol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("derivatives", ["forward", "linearised"])
 def test_jacobian_of_a_machine_with_every_effect(derivatives):
     """Residuals of the links and of the observer, with memories, creep and lags, by every parameter."""
