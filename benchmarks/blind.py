@@ -30,7 +30,8 @@ from jaxmuscle.formatting import aligned
 CLEAN_SHARE, PAIR_SHARE, COLOURED_SHARE = 0.4, 0.15, 0.25
 """Parts of all recordings that lack nothing, that lack two effects, and whose noise is coloured."""
 SEEN = 5.0
-"""Change of a reading, root mean square in units of its noise, from which an effect has to be found."""
+"""Change of a reading that no uncertain parameter of the card can take over, root mean square in units of its
+noise, from which an effect has to be found."""
 INTERVAL = 1.96
 WORSE = 1.05
 """Held-out error after over before from which a diagnosis has done harm."""
@@ -61,6 +62,7 @@ def diagnosed(blind: Blind) -> Row:
         "noise": blind.noise,
         "bristles": blind.bristles,
         "shift": round(blind.shift, 2),
+        "left": round(blind.left, 2),
     }
     try:
         found = jm.diagnose(blind.recording)
@@ -112,7 +114,8 @@ def line(row: Row) -> str:
     errors = ", ".join(f"{c} {b:.3g} → {row['after'][c]:.3g}" for c, b in row.get("before", {}).items())
     bench = "rough" if row.get("bristles") else "sharp"
     return (
-        f"{row['seed']:4d} {row['rig']:9s} {row['noise']:8s} {bench} {truth:45s} by {row['shift']:7.2f}: "
+        f"{row['seed']:4d} {row['rig']:9s} {row['noise']:8s} {bench} {truth:45s} "
+        f"by {row['shift']:7.2f}, {row['left']:7.2f} of its own: "
         f"{found:40s} {told}; {errors}; {row.get('seconds', 0)} s"
     )
 
@@ -121,7 +124,7 @@ def figures(rows: Sequence[Row]) -> list[Row]:
     """The figures that are to be reached, each as a count of how many; none of what was not drawn."""
     told = [row for row in rows if "found" in row]
     clean = [row for row in told if not row["truth"]]
-    clear = [row for row in told if row["truth"] and row["shift"] >= SEEN]
+    clear = [row for row in told if row["truth"] and row["left"] >= SEEN]
     covered = [inside for row in told for inside in coverage(row)]
     effects = [row for row in told if row["verdict"] == "effects found"]
 
@@ -201,7 +204,7 @@ def confusion(rows: Sequence[Row]) -> str:
     """Which effect was added first where which one is there, single ones that can be seen."""
     pairs: Counter[tuple[str, str]] = Counter()
     for row in rows:
-        if "found" in row and len(row["truth"]) <= 1 and (not row["truth"] or row["shift"] >= SEEN):
+        if "found" in row and len(row["truth"]) <= 1 and (not row["truth"] or row["left"] >= SEEN):
             pairs[next(iter(there(row)), "nothing"), first(row) or f"({row['verdict']})"] += 1
     truths = dict.fromkeys(truth for truth, _ in sorted(pairs))
     table = []
@@ -212,12 +215,12 @@ def confusion(rows: Sequence[Row]) -> str:
 
 
 def detection(rows: Sequence[Row]) -> str:
-    """How many single effects were added first, by how much they change a reading."""
+    """How many single effects were added first, by how much they change a reading beyond any imitation."""
     table = []
     edges = [0, 0.3, 1, 2, 5, 10, 30, float("inf")]
     singles = [row for row in rows if "found" in row and len(row["truth"]) == 1]
     for low, high in zip(edges[:-1], edges[1:], strict=True):
-        some = [row for row in singles if low <= row["shift"] < high]
+        some = [row for row in singles if low <= row["left"] < high]
         right = sum(first(row) in there(row) for row in some)
         table.append([f"{low:g} to {high:g}", str(right), str(len(some))])
     return aligned(["change in noise", "found", "of"], table)

@@ -9,13 +9,13 @@ import dataclasses
 import sys
 from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from blind_cards import NOISE, card_of, off_by, stds_of
 from blind_ranges import BRISTLES, RANGES, ROUGH_SHARE, Effects, declared_of, truth_of
+from blind_shift import shift_left
 from numpy.typing import NDArray
 
-from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -30,40 +30,6 @@ Series = NDArray[np.float64]
 STEPS = {"driven": 0.01, "isotonic": 2e-3, "joint": 2e-3, "jet-pipe": 2e-3}
 SECONDS = {"driven": 60.0, "isotonic": 20.0, "joint": 20.0, "jet-pipe": 5.0}
 SUBSTEPS = {"isotonic": 6, "joint": 6, "jet-pipe": 16}
-NOISE = {"driven": {"force": 0.8}, "isotonic": {"pressure": 400.0, "position": 3e-5},
-         "joint": {"pressure_1": 400.0, "pressure_2": 400.0, "angle": 4e-4},
-         "jet-pipe": {"current": 5e-4, "force": 0.2}}  # fmt: skip
-UNITS = {
-    "ambient_pressure": "Pa", "initial_length": "m", "initial_radius": "m", "braid_angle": "rad",
-    "valve_area": "m^2", "valve_time_constant": "s", "full_command": "V", "gas_temperature": "K",
-    "mass": "kg", "regulator_frequency": "Hz", "sprocket_radius": "m", "inertia": "kg m^2",
-    "velocity_constant": "m/s", "current_gain": "A/V", "stopper_position": "m", "residual_force": "N",
-    "pipe_compliance": "m/N", "pipe_saturation_force": "N", "receiver_offset": "m",
-}  # fmt: skip
-"""Of the quantities that a card names; what is not here has none."""
-ABSOLUTE = ("supply_pressure", "initial_pressure")
-UNCERTAIN = {
-    "driven": {"initial_radius": 1e-4, "end_factor": 0.05},
-    "isotonic": {"valve_area": 2e-7, "valve_time_constant": 1e-3, "end_factor": 0.05},
-    "joint": {"regulator_frequency": 1.5, "end_factor": 0.05, "inertia": 0.02},
-    "jet-pipe": {"pipe_compliance": 4e-5, "receiver_offset": 1e-5, "discharge_coefficient": 0.03},
-}
-"""What a card calls uncertain, and its standard deviation."""
-FRICTION_STDS = {
-    "isotonic": {
-        "static_coefficient": 0.004,
-        "kinetic_coefficient": 0.02,
-        "velocity_constant": 0.04,
-        "force": 2.0,
-    },
-    "joint": {
-        "static_coefficient": 0.004,
-        "kinetic_coefficient": 0.02,
-        "velocity_constant": 0.04,
-        "force": 0.03,
-    },
-}
-"""Of what a card declares."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,6 +43,7 @@ class Blind:
         bristles: the distance over which dry friction builds up, 0 on a bench of sharp friction.
         shift: what a reading differs by from one without the truth, root mean square over its noise; the
             largest of all readings. Where a recorded column is imposed, without the truth but as recorded.
+        left: the same, after the card's uncertain parameters have taken over what they can.
         machine: true constants (SI).
         effects: all that are there, declared or not.
     """
@@ -86,6 +53,7 @@ class Blind:
     noise: str
     bristles: float
     shift: float
+    left: float
     machine: Mapping[str, float]
     effects: Effects
 
@@ -103,19 +71,22 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
         machine["polytropic_exponent"] = 1.0  # the share is counted from the isothermal law
     motion = MOTIONS[rig](draw)
     columns = _readings(rig, machine, bench | truth, motion)
-    shift = 0.0
+    shift, left = 0.0, 0.0
     if truth:
-        without = _readings(rig, machine, bench, {n: columns.get(n, series) for n, series in motion.items()})
-        shift = max(
-            float(np.sqrt(np.mean((columns[c] - without[c]) ** 2))) / s for c, s in NOISE[rig].items()
-        )
+        imposed = {name: columns.get(name, series) for name, series in motion.items()}
+        stds = stds_of(rig, declared)
+
+        def without(off: Mapping[str, float]) -> dict[str, Series]:
+            return _readings(rig, *off_by(machine, bench, stds, off), imposed)
+
+        shift, left = shift_left(without, list(stds), columns, NOISE[rig])
     for name, size in NOISE[rig].items():
         columns[name] = columns[name] + size * noise(len(columns[name]), STEPS[rig], coloured, draw)
-    card = _card(rig, machine, declared, draw)
+    card = card_of(rig, machine, declared, draw)
     columns = {name: columns[name] for name in card.columns if name in columns}
     recording = Recording(f"{rig}-{seed}", None, None, card, _clock(rig), STEPS[rig], columns)
     kind = "coloured" if coloured else "white"
-    return Blind(recording, truth, kind, bristles, shift, machine, bench | truth)
+    return Blind(recording, truth, kind, bristles, shift, left, machine, bench | truth)
 
 
 def _bristles(rig: str, effects: Set[str], draw: np.random.Generator) -> float:
@@ -266,46 +237,3 @@ def noise(rows: int, step: float, coloured: bool, draw: np.random.Generator) -> 
     for row in range(1, rows):
         slow[row] = keep * slow[row - 1] + pushes[row]
     return white + slow
-
-
-def _card(rig: str, machine: Mapping[str, float], declared: Effects, draw: np.random.Generator) -> Card:
-    """As an experimenter would write it: what is uncertain is off by its standard deviation, normally."""
-    absolute = {"unit": "Pa", "reference": "absolute"}
-    units_of = {**UNITS, "force": "N m" if rig == "joint" else "N"}
-
-    def section(values: Mapping[str, float], stds: Mapping[str, float]) -> dict[str, Any]:
-        found = {}
-        for name, value in values.items():
-            std = stds.get(name)
-            off = 0.0 if std is None else float(np.clip(draw.normal(), -2, 2)) * std
-            unit = absolute if name in ABSOLUTE else {"unit": units_of.get(name, "")}
-            found[name] = {"value": value + off, **unit, **({} if std is None else {"std": std})}
-        return found
-
-    stds = UNCERTAIN[rig]
-    units = {"position": "m", "force": "N", "angle": "rad", "command": "V", "time": "s", "current": "A"}
-    names = ["time", *_columns(rig)]
-    columns = {n: {"column": n, **({"unit": units[n]} if n in units else absolute)} for n in names}
-    skipped = {"ambient_pressure"} if rig in ("driven", "joint") else set()
-    known = {n: v for n, v in machine.items() if n not in stds and n not in skipped}
-    return Card.parse(
-        {
-            "rig": rig,
-            "columns": columns,
-            "known": section(known, {}),
-            "uncertain": section({n: machine[n] for n in stds}, stds),
-            "noise": {n: {"value": size, "unit": units.get(n, "Pa")} for n, size in NOISE[rig].items()},
-            "effects": {name: section(values, FRICTION_STDS[rig]) for name, values in declared.items()},
-            **({} if rig == "driven" else {"fit": {"horizon": {"value": 1, "unit": "s"}}}),
-        }
-    )
-
-
-def _columns(rig: str) -> list[str]:
-    if rig == "driven":
-        return ["pressure", "position", "force"]
-    if rig == "isotonic":
-        return ["command", "pressure", "position"]
-    if rig == "jet-pipe":
-        return ["command", "current", "force"]
-    return ["command_1", "command_2", "pressure_1", "pressure_2", "angle"]

@@ -11,6 +11,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import blind  # pyright: ignore[reportMissingImports]
 import blind_recordings  # pyright: ignore[reportMissingImports]
+from blind_cards import off_by  # pyright: ignore[reportMissingImports]
 from blind_file import claimed, kept, key  # pyright: ignore[reportMissingImports]
 from blind_ranges import (  # pyright: ignore[reportMissingImports]
     RANGES,
@@ -20,6 +21,7 @@ from blind_ranges import (  # pyright: ignore[reportMissingImports]
     truth_of,
 )
 from blind_recordings import drawn, noise  # pyright: ignore[reportMissingImports]
+from blind_shift import shift_left  # pyright: ignore[reportMissingImports]
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
@@ -33,7 +35,8 @@ def row(truth, found, *, shift=10.0, verdict=None, value=1.0, std=0.1, after=1.0
         "noise": "white",
         "truth": {name: {"strength": 1.0} for name in truth},
         "bristles": bristles,
-        "shift": shift,
+        "shift": 2 * shift,
+        "left": shift,
         "found": effects,
         "verdict": verdict or ("effects found" if found else "complete"),
         "before": {"force": 8.0},
@@ -90,6 +93,37 @@ def test_an_error_of_an_imposed_sensor_is_seen_where_it_leads_the_model_astray(s
     assert 0.1 < one.shift * 0.8 / (offset * 14.1 * np.pi * 0.0075**2) < 1.0
 
 
+def test_what_uncertain_parameters_take_over_is_not_to_be_found():
+    t = np.linspace(0, 1, 200)
+    noise = {"force": 0.5, "angle": 2.0}
+
+    def readings(off):
+        gain, offset = off.get("gain", 0.0), off.get("offset", 0.0)
+        return {"force": 3 * t + 4.0 * gain * t, "angle": 5.0 * offset + 0 * t}
+
+    def changed(force, angle):
+        return {"force": 3 * t + force, "angle": angle + 0 * t}
+
+    both = ["gain", "offset"]
+    shift, left = shift_left(readings, both, changed(8.0 * t, 0.0), noise)
+    assert shift == pytest.approx(16 * np.sqrt(np.mean(t**2))) and left < 0.02 * shift
+    # Not as far as a parameter can be off, and not in a direction of its own.
+    shift, left = shift_left(readings, both, changed(16.0 * t, 0.0), noise)
+    assert left == pytest.approx(shift / 4, rel=1e-3)
+    wave = np.sin(40 * t)
+    shift, left = shift_left(readings, both, changed(wave, 0.0), noise)
+    assert 0.97 * shift < left <= shift
+    assert shift_left(readings, [], changed(wave, 0.0), noise) == (shift, shift)
+
+
+def test_parameters_are_off_by_standard_deviations_of_the_card(short):
+    one = drawn(3, "driven", 1, False, ["creep"])
+    assert 0 < one.left <= one.shift
+    off, stds = {"load_friction.force": 2.0}, {"end_factor": 0.05, "load_friction.force": 0.5}
+    constants, effects = off_by({"end_factor": 1.3}, {"load_friction": {"force": 2.0}}, stds, off)
+    assert constants == {"end_factor": 1.3} and effects == {"load_friction": {"force": 3.0}}
+
+
 def test_a_third_of_all_benches_with_dry_friction_are_rough_the_clean_ones_too(short, monkeypatch):
     monkeypatch.setitem(blind_recordings.SECONDS, "joint", 0.03)
     bristles = [drawn(seed, "joint", 0, False).bristles for seed in range(60)]
@@ -124,7 +158,7 @@ def test_figures():
         row(["gravity"], ["gravity"], value=1.4),
         row(["gravity", "creep"], ["creep"]),
         row(["gravity"], [], shift=0.5),
-        {"seed": 9, "rig": "driven", "noise": "white", "truth": {}, "shift": 0.0, "refused": "too short"},
+        {"seed": 9, "rig": "driven", "noise": "white", "truth": {}, "left": 0.0, "refused": "too short"},
     ]
     counts = {f["figure"]: (f["count"], f["of"]) for f in blind.figures(rows)}
     assert list(counts.values()) == [(3, 3), (2, 3), (1, 2), (5, 6), (2, 3), (3, 4), (6, 7)]
