@@ -22,7 +22,8 @@ def missing(
     actuator: AbstractActuator, catalogue: Sequence[type[AbstractEffect]]
 ) -> list[type[AbstractEffect]]:
     """The effects of `catalogue` that the rig can have and the model does not."""
-    return [effect for effect in catalogue if actuator.offers(effect) and effect.name not in actuator.effects]
+    offered = (effect for effect in dict.fromkeys(catalogue) if actuator.offers(effect))
+    return [effect for effect in offered if effect.name not in actuator.effects]
 
 
 def carries_state(effect: type[AbstractEffect]) -> bool:

@@ -27,6 +27,7 @@ from jaxmuscle.report.page import page
 def result(diagnosis: Diagnosis) -> dict[str, Any]:
     """The outcome as plain data for JSON; a number that is not finite becomes `None`."""
     recording = diagnosis.recording
+    several = bool(recording.joined_from)
     return _finite(
         {
             "verdict": diagnosis.verdict,
@@ -57,15 +58,31 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             ],
             "parameters": _estimates(diagnosis.parameters),
             "recording": {
-                "file": recording.name if recording.file is None else recording.file.name,
-                "sha256": recording.sha256,
+                "file": recording.name if recording.file is None or several else recording.file.name,
+                "sha256": None if several else recording.sha256,
                 "rig": recording.card.rig,
                 "rows": len(recording),
             },
+            **({"recordings": _members(diagnosis)} if recording.joined_from else {}),
             "jaxmuscle": jaxmuscle.__version__,
             "seconds": diagnosis.seconds,
         }
     )
+
+
+def _members(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Each of several recordings: its table, how many rows it has and how many of them are held out."""
+    return [
+        {
+            "name": member.name,
+            "file": member.name if member.file is None else member.file.name,
+            "sha256": member.sha256,
+            "rows": member.rows,
+            "held_out_rows": int(diagnosis.traces.held_out[rows].sum()),
+        }
+        for member in diagnosis.recording.joined_from
+        for rows in (slice(member.first, member.first + member.rows),)
+    ]
 
 
 def _effect(effect: FoundEffect) -> dict[str, Any]:
