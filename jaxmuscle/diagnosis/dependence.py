@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import strength_path
+from jaxmuscle.diagnosis.candidates import Sought
+from jaxmuscle.diagnosis.candidates import without as without_it
 from jaxmuscle.diagnosis.diagnosis_data import Error, Reveal, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
-from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Case
 from jaxmuscle.parameters import replace
 
@@ -160,7 +160,7 @@ def unexplained(
 def reveal(
     case: Case,
     model: AbstractActuator,
-    effect: type[AbstractEffect] | None,
+    effect: Sought | None,
     missing: Sequence[MissingRate],
 ) -> Reveal | None:
     """Partial residuals of `effect`: what the final model lacks when only that effect is taken out of it.
@@ -173,7 +173,7 @@ def reveal(
         model: the final model.
         missing: its missing rates.
     """
-    without = missing_rates(case, replace(model, {strength_path(effect): 0.0})) if effect else missing
+    without = missing_rates(case, replace(model, without_it(effect))) if effect else missing
     old, new, column = max(
         ((a, b, c) for a, b in zip(without, missing, strict=True) for c in a.values),
         key=lambda entry: _size(entry[0] if effect is None else _difference(*entry), entry[2]),

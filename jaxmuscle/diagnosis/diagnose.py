@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
@@ -56,6 +57,7 @@ def diagnose(
     ignored: Mask | None = None,
     catalogue: Sequence[type[AbstractEffect]] | None = None,
     further: Sequence[type[AbstractEffect]] = (),
+    constants: bool = True,
     progress: Callable[[Progress], None] = _silent,
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
@@ -88,6 +90,10 @@ def diagnose(
             something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
             every column are tried with them. Each counts if it leaves less.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
+        constants: whether a value of the card may be wrong too (a mass, a length, a braid angle, the supply
+            pressure): each is a candidate beside the effects, and is found where it explains most of what is
+            missing and no effect does as well
+            (:mod:`jaxmuscle.diagnosis.constant_ranking`). Then ``constant:mass`` stands among the effects.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
 
@@ -102,7 +108,7 @@ def diagnose(
     """
     whole = recording if isinstance(recording, Recording) else of_one_bench(recording)
     meter = Meter(progress)
-    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, meter=meter)
+    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, constants=constants, meter=meter)
     if catalogue is not None:
         return interruptible(lambda: seek((*catalogue, *further)), meter.stop)
     return interruptible(lambda: _in_passes(seek, further), meter.stop)
@@ -162,6 +168,7 @@ def _diagnosed(
     catalogue: Sequence[type[AbstractEffect]],
     first: type[AbstractEffect] | None = None,
     *,
+    constants: bool,
     meter: Meter,
 ) -> Diagnosis:
     """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
@@ -171,8 +178,9 @@ def _diagnosed(
     prepared = case(recording, held_out, masks)
     check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
-    bench = workbench(prepared, candidates, [first] if first in candidates else [])
-    meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
+    fallible = card_constants(prepared) if constants else []
+    bench = workbench(prepared, candidates, [first] if first in candidates else [], fallible)
+    meter.expect(DECLARED + round_work([*candidates, *fallible], FOLDS) + CONCLUSION)
     selection = forward_selection(prepared, bench, meter, first)
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):

@@ -34,7 +34,8 @@ class FoundEffect:
     `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
     removed; `p_value` of that, by the `test` named, and number of `stretches` of the recording that tell the
     models with it and without it apart. `kind`: name of the effect in the catalogue; of an error of a
-    sensor (`name` ``sensor_offset_pressure``) without its `column`.
+    sensor (`name` ``sensor_offset_pressure``) without its `column`. `declared`, `declared_std`: of a value of
+    the card that is found to be wrong (`name` ``constant:mass``), what the card says; `None` of an effect.
     """
 
     name: str
@@ -48,6 +49,13 @@ class FoundEffect:
     column: str | None = None
     test: str = SIGN_FLIPS
     stretches: int = 0
+    declared: float | None = None
+    declared_std: float | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is a value of the card that is wrong, and no effect."""
+        return self.declared is not None
 
     def __post_init__(self) -> None:
         """Without another kind it is of that of its name."""

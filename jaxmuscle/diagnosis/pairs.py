@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search
+from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.ranking import (
@@ -51,7 +52,8 @@ def best_pair(
     Args:
         model, accepted: the present model and its effects, of which `ranking` is.
     """
-    leaders = [candidate for candidate in ranking.candidates if candidate.judged][:LEADERS]
+    leaders = [each for each in ranking.candidates if each.judged and each.effects[0] in bench.candidates]
+    leaders = leaders[:LEADERS]
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     if not leaders or len(rest) < 2:
         return None
@@ -64,12 +66,12 @@ def best_pair(
     return _judged(bench, model, accepted, ranking, problem, effects, found, len(pairs), meter)
 
 
-def _needed(single: Losses, both: Losses) -> bool:
+def needed(single: Losses, both: Losses) -> bool:
     """Whether a pair does better than a single effect."""
     return gain(single, both) >= NEEDED or typical_fall(single, both) >= HALVED
 
 
-Pair = tuple[tuple[type[AbstractEffect], ...], SettledFit]
+Pair = tuple[tuple[Sought, ...], SettledFit]
 
 
 def _beside(
@@ -96,7 +98,7 @@ def _judged(
     accepted: Sequence[str],
     ranking: Ranking,
     problem: Problem,
-    effects: tuple[type[AbstractEffect], ...],
+    effects: tuple[Sought, ...],
     found: SettledFit,
     tried: int,
     meter: Meter,
@@ -114,7 +116,7 @@ def _judged(
         (found, [*accepted, *(effect.name for effect in effects)]),
     ]
     (without, *singles, both), refitted = judged_all(bench, folds, models, JUDGEMENT, meter)
-    if not all(_needed(single, both) for single in singles):
+    if not all(needed(single, both) for single in singles):
         return None
     (told,) = compare(without, [both], folds.stretch)
     if told.too_few_stretches(len(accepted) + 1):

@@ -89,6 +89,7 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
     return {
         "name": effect.kind,
         **({"column": effect.column} if effect.column else {}),
+        **({"on_the_card": effect.declared} if effect.is_constant else {}),
         "signal": effect.signal,
         "parameters": _estimates(effect.parameters),
         "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value, "test": effect.test},
@@ -172,7 +173,9 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
         elif effect in found:
             effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
     fitted = {
-        effect_path(e.name, name): value for e in diagnosis.added for name, value in e.parameters.items()
+        name if e.is_constant else effect_path(e.name, name): value
+        for e in diagnosis.added
+        for name, value in e.parameters.items()
     }
     for path, estimate in {**fitted, **diagnosis.parameters}.items():
         effect, name = split_effect(path)
