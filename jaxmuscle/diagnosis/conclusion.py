@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import Sought, signal_of, without
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.dependence import reveal, unexplained
+from jaxmuscle.diagnosis.dependence import unexplained
 from jaxmuscle.diagnosis.diagnosis_data import Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis

@@ -9,7 +9,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
 from jaxmuscle.diagnosis.pairs import needed
-from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank
+from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank, unseen_loss
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import get
@@ -51,18 +51,14 @@ def beside(effects: Ranking, constants: Ranking, found: int) -> Ranking:
     Args:
         found: candidates that were added before.
     """
-    best, *others = constants.candidates
+    best = constants.candidates[0]
     if is_clear(best, effects, found):
-        return dataclasses.replace(
-            constants, candidates=(best, *_in_order([*effects.candidates, *others])), valley=effects.valley
-        )
-    return dataclasses.replace(
-        effects, candidates=tuple(_in_order([*effects.candidates, *constants.candidates]))
-    )
-
-
-def _in_order(candidates: Sequence[Candidate]) -> list[Candidate]:
-    return sorted(candidates, key=lambda each: not each.judged)
+        first, of = best, dataclasses.replace(constants, valley=effects.valley)
+    else:
+        first, of = effects.candidates[0], effects
+    rest = [each for each in (*effects.candidates, *constants.candidates) if each is not first]
+    rest.sort(key=lambda each: (not each.judged, unseen_loss(each)))
+    return dataclasses.replace(of, candidates=(first, *rest))
 
 
 def is_clear(best: Candidate, effects: Ranking, found: int) -> bool:

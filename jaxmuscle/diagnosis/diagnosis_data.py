@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
+from jaxmuscle.effects.base import VARIABLE
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.recordings.recording import Recording
 
@@ -120,7 +121,9 @@ class Reveal:
 
     `before`, `after`: missing rate of the state behind the output (or the residual of an imposed rig's
     reading) under the final model without `effect` and with it, sample by sample, in `unit`. The same twice
-    when no effect was found (`effect` is `None`).
+    when no effect was found (`effect` is `None`). `view`: how it is drawn, one of those that
+    :class:`~jaxmuscle.effects.AbstractEffect` names; against the time since the machine was last moved both
+    are NaN where it moves, begin each time at zero and have one direction.
     """
 
     effect: str | None
@@ -131,6 +134,7 @@ class Reveal:
     x: Series
     before: Series
     after: Series
+    view: str = VARIABLE
 
 
 @dataclasses.dataclass(frozen=True)
