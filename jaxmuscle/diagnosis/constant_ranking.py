@@ -73,11 +73,17 @@ def is_clear(best: Candidate, effects: Ranking, found: int) -> bool:
 
 
 def explains(candidate: Candidate, found: int) -> bool:
-    """Whether a constant is supported, removes most of what is missing, and contradicts the card."""
-    (constant,) = candidate.effects
-    if not isinstance(constant, CardConstant) or not candidate.judged:
+    """Whether its constants are the cause: supported, for most of what is missing, against the card.
+
+    Effects without a constant need no more than their evidence.
+    """
+    constants = [each for each in candidate.effects if isinstance(each, CardConstant)]
+    if not constants:
+        return True
+    if not candidate.judged:
         return False
-    distance = abs(float(get(candidate.model, constant.path)) - constant.declared)
-    contradicts = distance > FAR_FROM_CARD * (constant.std or 0.0)
-    enough = candidate.evidence.gain >= MOST_OF_IT and candidate.evidence.supports(found + 1)
-    return contradicts and enough
+    contradicts = all(
+        abs(float(get(candidate.model, each.path)) - each.declared) > FAR_FROM_CARD * (each.std or 0.0)
+        for each in constants
+    )
+    return contradicts and candidate.evidence.gain >= MOST_OF_IT and candidate.evidence.supports(found + 1)

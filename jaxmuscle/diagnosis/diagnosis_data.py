@@ -221,8 +221,8 @@ class DiagnosisData:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Runners-up of the first search, best first."""
+        """Runners-up of the first search that added something, else of the first; best first."""
         if not self.rounds:
             return ()
-        first = self.rounds[0]
+        first = next((search for search in self.rounds if search.added is not None), self.rounds[0])
         return tuple(a for a in first.ranking if a.name != first.added)

@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import signal_of
-from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
 from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
-from jaxmuscle.diagnosis.pairs import best_pair
+from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
 from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
@@ -110,8 +109,8 @@ class ForwardSelection:
             self._refit((self.model, ranking.valley))
             ranking = rank_with_constants(self.bench, self.model, self.names, self.parts, self.meter)
         best = ranking.supported(len(self.found))
-        if best is not None and isinstance(best.effects[0], CardConstant):
-            best = best if explains(best, len(self.found)) else None
+        if best is not None and not explains(best, len(self.found)):
+            best = None
         self.rounds.append(_round(ranking, best))
         if best is not None or len(self.found) == self.given:
             self.before = self.model, ranking
@@ -127,11 +126,14 @@ class ForwardSelection:
         if self.before is None or further > 1 or len(self.bench.candidates) > self.given + MOST_FOR_PAIRS:
             return False
         model, ranking = self.before
-        pair = best_pair(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
-        if pair is None or not pair.evidence.supports(len(self.found) + 1):
+        pairs = best_pairs(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
+        if not pairs or not pairs[0].evidence.supports(len(self.found) + 1):
+            return False
+        pair = pairs[0]
+        if not explains(pair, len(self.found)):
             return False
         del self.found[self.given :]
-        ranking = dataclasses.replace(ranking, candidates=(pair, *ranking.candidates))
+        ranking = dataclasses.replace(ranking, candidates=(*pairs, *ranking.candidates))
         self.rounds.append(_round(ranking, pair))
         self._add(pair)
         return True
