@@ -18,6 +18,7 @@ from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.effects.base import LOG_TIME, LOOP
 from jaxmuscle.figure_style import AFTER, BEFORE, INK, MUTED, figure
 from jaxmuscle.formatting import parameter_words, percent, printed_unit, words
+from jaxmuscle.parameter_names import CONSTANT
 
 POINTS, BINS, SHOWN = 1500, 24, 8
 """Points of a scatter; bins of its median; candidates of a ranking that are drawn."""
@@ -27,7 +28,7 @@ ACROSS, MOVING = 5, 0.1
 
 def reveal_figure(reveal: Reveal) -> Figure:
     """What is missing against the variable that reveals it, without the effect and with it."""
-    without, whole = (f"{word} {words(reveal.effect or '')}" for word in ("without", "with"))
+    without, whole = titles(reveal.effect or "")
     size_x, unit_x = printed_unit(reveal.variable_unit, float(np.nanpercentile(np.abs(reveal.x), 95)))
     size_y, unit_y = printed_unit(reveal.unit, float(np.nanstd(reveal.before)))
     drawing = figure(3.4)
@@ -53,6 +54,14 @@ def reveal_figure(reveal: Reveal) -> Figure:
     change = "change of what is missing" if reveal.view == LOG_TIME else "missing"
     panels[0].set_ylabel(f"{change} in {words(reveal.signal)} [{unit_y}]")
     return drawing
+
+
+def titles(effect: str) -> tuple[str, str]:
+    """What the models without an effect and with it are called; with a constant, by whose value they have."""
+    if effect.startswith(CONSTANT):
+        own = words(effect.removeprefix(CONSTANT))
+        return f"{own} of the card", f"{own} as found"
+    return f"without {words(effect)}", f"with {words(effect)}"
 
 
 def _inner(values: Series, percent: float) -> tuple[float | None, float | None]:

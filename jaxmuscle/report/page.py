@@ -24,6 +24,7 @@ from jaxmuscle.report.figures import (
     ranking_figure,
     reveal_figure,
     strongest_correlation,
+    titles,
 )
 from jaxmuscle.report.live_traces import live_traces
 from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
@@ -112,7 +113,7 @@ def _reveal(diagnosis: Diagnosis) -> Picture | None:
     signal, variable = formatting.words(reveal.signal), formatting.words(reveal.variable)
     seen = f"What the model lacks in {signal}, against {variable}"
     if reveal.effect:
-        seen += f": the final model with {formatting.words(reveal.effect)} taken out of it, and whole"
+        seen += f": the final model {' and '.join(titles(reveal.effect))}"
     caption = f"{seen}. A model that lacks nothing lies on zero. {LINES.get(reveal.view, LINE)}"
     return Picture(svg_uri(reveal_figure(reveal)), caption)
 

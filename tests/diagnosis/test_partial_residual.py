@@ -25,7 +25,7 @@ from jaxmuscle.effects.base import COMMANDED, LOG_TIME, LOOP, TIME, VARIABLE
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.figure_style import styled
 from jaxmuscle.parameters import replace
-from jaxmuscle.report.figures import directions, reveal_figure
+from jaxmuscle.report.figures import directions, reveal_figure, titles
 from jaxmuscle.report.page import LINES
 
 CREEP = {"stiffness": 300.0, "fast_time": 0.4, "slow_time": 3.0}
@@ -139,6 +139,11 @@ def test_every_view_is_drawn(crept, view):
     lines = [line for line in left.lines if line.get_linestyle() == "-" and len(line.get_xydata()) > 2]
     assert len(lines) == (2 if view == LOOP else 1)
     assert (view in LINES) is (view in (LOOP, LOG_TIME))
+
+
+def test_what_is_left_out_is_said():
+    assert titles("creep") == ("without creep", "with creep")
+    assert titles("constant:braid_angle") == ("braid angle of the card", "braid angle as found")
 
 
 def test_directions():
