@@ -106,7 +106,7 @@ def _recording(table: Table, card: Card, sha256: str | None, resample: bool) -> 
 
 def checks(
     table: Table, card: Card, time: Series, columns: Mapping[str, Series], resample: bool
-) -> list[Callable[[], None]]:
+) -> list[Callable[[], object]]:
     """What a table has to pass beside its card, each raising `InputError`; the first before all others.
 
     Args:

@@ -30,7 +30,8 @@ def rows_within(recording: Recording, spans: Sequence[str], option: str) -> Rows
     """
     if not recording.joined_from:
         return _rows({recording.name: recording.time}, spans, option)[0]
-    clocks = {each.name: each.begin + recording.step * np.arange(each.rows) for each in recording.joined_from}
+    steps = recording.step * np.arange(len(recording), dtype=np.float64)
+    clocks = {each.name: each.begin + steps[: each.rows] for each in recording.joined_from}
     return np.concatenate(_rows(clocks, spans, option))
 
 

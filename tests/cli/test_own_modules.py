@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -54,11 +55,12 @@ class Hoist(Isotonic):
 
 @pytest.fixture(autouse=True)
 def _registers_as_before() -> Iterator[None]:
-    rigs, effects = dict(RIGS), dict(BY_NAME)
+    registers: list[dict[str, Any]] = [RIGS, BY_NAME]
+    before = [dict(register) for register in registers]
     yield
-    for register, before in ((RIGS, rigs), (BY_NAME, effects)):
+    for register, names in zip(registers, before, strict=True):
         register.clear()
-        register.update(before)
+        register.update(names)
     for name in [name for name in sys.modules if name.startswith(PREFIX)]:
         del sys.modules[name]
 

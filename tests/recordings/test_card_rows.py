@@ -103,6 +103,7 @@ def test_joined_recordings_keep_what_their_cards_say(recording):
     whole = joined([plain.part(0, 1000), recording.part(500, 2500)], "both")
     assert not whole.ignored["position"][:1000].any()
     np.testing.assert_array_equal(whole.ignored["position"][1000:], recording.ignored["position"][500:2500])
+    assert whole.held_out is not None
     assert not whole.held_out[:1000].any()
     names = [(each.name, each.first, each.rows, each.begin) for each in whole.members]
     assert names == [("lift", 0, 1000, 0.0), ("lift-2", 1000, 2000, pytest.approx(1.0))]
