@@ -18,7 +18,7 @@ from scipy.io import loadmat
 from scipy.signal import medfilt
 
 from jaxmuscle.recordings import Card, Recording
-from jaxmuscle.recordings.recording import joined
+from jaxmuscle.recordings.joining import joined
 
 Series = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from sealed_piston import SealedPiston
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis import Diagnosis
-from jaxmuscle.recordings.recording import joined
+from jaxmuscle.recordings.joining import joined
 
 EVERY = 4
 """Of the drive's samples, taken at 1 kHz, means of so many."""

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from jaxmuscle.parameter_names import EFFECTS
+from jaxmuscle.parameter_names import CONSTANT, EFFECTS
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SYMBOLS = {"degC": "°C", "degF": "°F", "deg": "°", "um": "µm", "us": "µs"}
@@ -144,8 +144,8 @@ FORMULA = re.compile(r":?\s*:math:`[^`]*`.*")
 
 
 def words(name: str) -> str:
-    """``load_friction`` → load friction."""
-    return name.replace("_", " ")
+    """``load_friction`` → load friction; ``constant:mass`` → the card's mass."""
+    return name.replace(CONSTANT, "the card's ").replace("_", " ")
 
 
 def parameter_words(name: str) -> str:

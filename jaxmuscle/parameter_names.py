@@ -22,6 +22,8 @@ from jaxmuscle.parameters import Parameter, entries_of, get, parameters
 EFFECTS = "effects."
 OFFSET = "offset."
 """Prefix of the constant that a sensor adds to its column."""
+CONSTANT = "constant:"
+"""What results put before the name of a quantity of the card that is found to be wrong."""
 START = "start."
 """Prefix of a state at the first sample of a recording."""
 Value = TypeVar("Value")

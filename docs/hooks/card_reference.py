@@ -27,6 +27,11 @@ SAID = {
     '`{ value = 0.03, unit = "mm" }`',
     "fit": '`horizon = { value = 1, unit = "s" }`: length of the windows of prediction, each from the '
     "measured state; whole runs when it is not given",
+    "ignore": "rows whose readings count for nothing, by names of your own, in times of the table's clock: "
+    '`slack = { from = 12, to = 14.5, unit = "s" }`; with `column = "pressure"` of that reading only',
+    "held_out": 'rows that no fit of a diagnosis sees: `last_run = { from = 40, unit = "s" }`',
+    "breaks": "where a new run begins, with everything that is not measured at rest: "
+    '`second_run = { at = 40, unit = "s" }`',
 }
 """Key or section of a card → what stands in it."""
 

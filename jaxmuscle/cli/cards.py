@@ -11,6 +11,8 @@ import typer
 from rich.table import Table
 
 from jaxmuscle.cli.console import BAD_INPUT, faults, output
+from jaxmuscle.cli.own_modules import load_modules
+from jaxmuscle.cli.shared_options import Debug, Modules, Resample
 from jaxmuscle.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +48,8 @@ def init(
         bool,
         typer.Option("--list", help="Print the columns and quantities of the rig, or all rigs, and end."),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Draft the card of a recording.
 
@@ -61,6 +64,7 @@ def init(
         from jaxmuscle.recordings.readers import table_name
         from jaxmuscle.report.columns_figure import draw_columns
 
+        load_modules(module)
         if listing:
             _list_rig(rig_named(rig)) if rig else _list_rigs(RIGS)
             return
@@ -202,10 +206,9 @@ def check(
     picture: Annotated[
         Path | None, typer.Option(help="Draw the columns as they are understood (.png, .svg, .pdf).")
     ] = None,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
-    ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    resample: Resample = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Say everything that is wrong with a card and its table, and how they were understood.
 
@@ -216,6 +219,7 @@ def check(
         from jaxmuscle.recordings.survey import survey
         from jaxmuscle.report.columns_figure import draw_columns
 
+        load_modules(module)
         _check_picture(picture)
         found = survey(card, recording, resample=resample)
         _print_survey(found)
@@ -262,6 +266,7 @@ def _print_survey(found: Survey) -> None:
 
 def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
     from jaxmuscle.actuators import rig_named
+    from jaxmuscle.formatting import words
     from jaxmuscle.recordings import schema
     from jaxmuscle.recordings.schema import written_quantity
     from jaxmuscle.recordings.typical import default_in_card, meaning_in_card
@@ -284,5 +289,6 @@ def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
     told = [f"effect {name}" for name in card.effects]
     told += [f"noise of {name}" for name in card.noise]
     told += [] if card.horizon is None else [f"horizon {card.horizon:g} s"]
+    told += [f"{words(section)} {', '.join(spans)}" for section, spans in card.row_spans.items() if spans]
     if told:
         typer.echo(f"\nThe card also gives: {', '.join(told)}.")

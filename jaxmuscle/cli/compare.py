@@ -9,6 +9,8 @@ import typer
 from rich.table import Table
 
 from jaxmuscle.cli.console import faults, list_files, output
+from jaxmuscle.cli.own_modules import load_modules
+from jaxmuscle.cli.shared_options import Debug, Modules
 
 
 def compare(
@@ -17,7 +19,8 @@ def compare(
         typer.Argument(help="Folders that diagnose wrote, their result.json, or saved diagnoses."),
     ],
     out: Annotated[Path, typer.Option(help="Page to write (.html).")] = Path("jaxmuscle-comparison.html"),
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Put diagnoses side by side: verdicts, effects, errors on unseen data, values.
 
@@ -27,6 +30,7 @@ def compare(
         from jaxmuscle.report.comparison import compared, read_outcomes
         from jaxmuscle.report.report_files import placed, writable_folder
 
+        load_modules(module)
         writable_folder(out.parent)
         found = compared(read_outcomes(diagnoses))
         files = placed({out.name: found.page()}, out.parent)

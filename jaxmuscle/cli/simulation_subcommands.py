@@ -9,6 +9,8 @@ import typer
 
 from jaxmuscle._config import configure
 from jaxmuscle.cli.console import faults, list_files, progress
+from jaxmuscle.cli.own_modules import load_modules
+from jaxmuscle.cli.shared_options import Debug, Modules
 
 
 def simulate(
@@ -43,7 +45,8 @@ def simulate(
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Simulate a machine under commands of your own.
 
@@ -53,6 +56,7 @@ def simulate(
         configure(compile_cache=True)
         from jaxmuscle.cli.simulated_files import simulated_files
 
+        load_modules(module)
         target = Path(f"{card.stem}-simulated.csv") if output is None else output
         files = simulated_files(
             card, command, target, start or [], substeps, tolerance, plot=plot, resample=resample
@@ -120,7 +124,8 @@ def tune(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; jaxmuscle-NAME-tune when not given.")
     ] = None,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Tune a controller for a machine by gradient descent through the simulated loop.
 
@@ -131,6 +136,7 @@ def tune(
         configure(compile_cache=True)
         from jaxmuscle.cli.tuned_files import Request, tuned_files
 
+        load_modules(module)
         asked = Request(
             card, controller, reference, held_out or (), payload or (), objective or (), gain or (),
             start or (), sample_time, draws, starts, steps, budget, seed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,73 +11,94 @@ from rich.table import Table
 
 from jaxmuscle._config import configure
 from jaxmuscle.cli.console import faults, list_files, output, progress
+from jaxmuscle.cli.own_modules import load_modules
+from jaxmuscle.cli.shared_options import CardArgument, Cards, Debug, Ignore, Modules, Resample
 from jaxmuscle.errors import InputError
 from jaxmuscle.progress import interruptible
 
 if TYPE_CHECKING:
     from jaxmuscle.diagnosis.result import Diagnosis
+    from jaxmuscle.effects import AbstractEffect
     from jaxmuscle.estimation import FitResult
+    from jaxmuscle.recordings import Recording
 
 
 def diagnose(
-    recording: Annotated[
-        Path | None,
+    recordings: Annotated[
+        list[Path] | None,
         typer.Argument(
-            help="Table of a recording (.csv, .xlsx, .tdms, …); the sample 'lift' when not given."
+            help="Tables of recordings (.csv, .xlsx, .tdms, …) of one bench, each a run of its own; the "
+            "sample 'lift' when not given."
         ),
     ] = None,
-    card: Annotated[
-        Path | None, typer.Option(help="Card of the recording; the .toml of the same stem when not given.")
-    ] = None,
+    card: Cards = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; jaxmuscle-NAME when not given.")
+        Path | None,
+        typer.Option(help="Folder for the results; jaxmuscle-NAME of the first recording when not given."),
     ] = None,
     held_out: Annotated[
-        str,
-        typer.Option(
-            help="What is kept for the last word: a fraction of the recording, at its end, or FROM:TO in "
-            "seconds of its clock."
-        ),
-    ] = "0.3",
-    ignore: Annotated[
         list[str] | None,
         typer.Option(
-            help="FROM:TO in seconds of the recording's clock, where readings count for nothing (a slack "
-            "muscle, a saturated sensor). May be given several times."
+            help="What is kept for the last word: a fraction of each recording, at its end, or FROM:TO in "
+            "seconds of its clock; of several recordings NAME:FROM:TO, or NAME for all of one. What the card "
+            "holds out, else 0.3, when not given. Spans may be given several times."
         ),
     ] = None,
+    ignore: Ignore = None,
     report: Annotated[bool, typer.Option(help="Write the page report.html.")] = True,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
-    ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    resample: Resample = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Find what the declared model lacks, fit it, and report.
 
     Writes result.json, card.toml and report.html; prints the errors before and after and one sentence.
+    Effects of a --module are sought beside those of the catalogue.
     """
     with faults(debug), progress() as tell:
         tell("loading")
         configure(compile_cache=True)
         from jaxmuscle.diagnosis import diagnose as run
-        from jaxmuscle.recordings import read
+        from jaxmuscle.recordings.joining import of_one_bench
         from jaxmuscle.recordings.readers import table_name
-        from jaxmuscle.recordings.spans import fraction, rows_within
+        from jaxmuscle.recordings.spans import held_out_part, rows_within
         from jaxmuscle.report.report_files import writable_folder, write
         from jaxmuscle.samples import sample
 
-        file = sample("lift") if recording is None else recording
-        folder = Path(f"jaxmuscle-{table_name(file)}") if out is None else out
+        own = load_modules(module)
+        files = recordings or [sample("lift")]
+        folder = Path(f"jaxmuscle-{table_name(files[0])}") if out is None else out
         # Better now than after a minute of work.
         writable_folder(folder)
-        tell(f"reading {file.name}" + (", the sample that comes with jaxmuscle" if recording is None else ""))
-        given = read(file, card, resample=resample)
-        kept = rows_within(given, [held_out], "--held-out") if ":" in held_out else fraction(held_out)
+        names = ", ".join(file.name for file in files)
+        tell(f"reading {names}" + ("" if recordings else ", the sample that comes with jaxmuscle"))
+        given = of_one_bench(read_all(files, card, resample))
+        kept = held_out_part(given, held_out, "--held-out") if held_out else None
         ignored = rows_within(given, ignore, "--ignore") if ignore else None
-        found = run(given, held_out=kept, ignored=ignored, progress=tell)
+        found = run(given, held_out=kept, ignored=ignored, further=own, progress=tell)
         tell("writing the results")
-        files = write(found, folder, report=report)
-    _print_outcome(found, files)
+        written = write(found, folder, report=report)
+    _print_outcome(found, written)
+
+
+def read_all(files: Sequence[Path], cards: Sequence[Path] | None, resample: bool) -> list[Recording]:
+    """The recordings of several tables.
+
+    Args:
+        cards: none (each has its own beside it), one for all, or one for each.
+
+    Raises:
+        InputError: another number of cards; what :func:`jaxmuscle.read` says of table or card.
+    """
+    from jaxmuscle.recordings import read
+
+    cards = cards or []
+    if len(cards) not in (0, 1, len(files)):
+        raise InputError(
+            f"expected one --card for all of {len(files)} recordings, or one for each; got {len(cards)}"
+        )
+    each = cards if len(cards) == len(files) else [cards[0] if cards else None] * len(files)
+    return [read(file, card, resample=resample) for file, card in zip(files, each, strict=True)]
 
 
 def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
@@ -100,10 +121,7 @@ def fit(
     recordings: Annotated[
         list[Path], typer.Argument(help="Tables of recordings (.csv, .xlsx, .tdms, …) of one rig.")
     ],
-    card: Annotated[
-        list[Path] | None,
-        typer.Option(help="Card of a recording, in their order; the .toml of the same stem when not given."),
-    ] = None,
+    card: Cards = None,
     free: Annotated[
         list[str] | None,
         typer.Option(
@@ -127,10 +145,10 @@ def fit(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; jaxmuscle-NAME-fit when not given.")
     ] = None,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
-    ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    ignore: Ignore = None,
+    resample: Resample = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Fit what the cards call uncertain to one or more recordings.
 
@@ -140,18 +158,15 @@ def fit(
         tell("loading")
         configure(compile_cache=True)
         from jaxmuscle.estimation import fit as run
-        from jaxmuscle.recordings import actuator_from_card, read
+        from jaxmuscle.recordings import actuator_from_card
         from jaxmuscle.recordings.readers import table_name
+        from jaxmuscle.recordings.spans import rows_of_each
         from jaxmuscle.report.report_files import writable_folder, write_fit
 
+        load_modules(module)
         folder = Path(f"jaxmuscle-{table_name(recordings[0])}-fit") if out is None else out
         writable_folder(folder)
-        cards = card or []
-        if cards and len(cards) != len(recordings):
-            raise InputError(f"expected a --card for each of {len(recordings)} recordings; got {len(cards)}")
-        found = [
-            read(file, cards[i] if cards else None, resample=resample) for i, file in enumerate(recordings)
-        ]
+        found = read_all(recordings, card, resample)
         asked = {
             "free": free or None,
             "loss": loss,
@@ -161,6 +176,7 @@ def fit(
             "profiles": profile or (),
             "budget": budget,
             "seed": seed,
+            "masks": rows_of_each(found, ignore, "--ignore") if ignore else None,
             "progress": tell,
         }
         actuator = actuator_from_card(found[0].card)
@@ -187,38 +203,46 @@ def _print_fit(result: FitResult, files: list[Path]) -> None:
     list_files(files)
 
 
-def effects() -> None:
+def effects(module: Modules = None, debug: Debug = False) -> None:
     """List the effects that a diagnosis tries: name, signal, rigs that offer it, meaning, source.
 
     Below them those that it tries where these leave something, with errors of the sensor of any COLUMN, and
-    at last those that only a card or ``catalogue=`` names.
+    at last those that only a card or ``catalogue=`` names, and those of a --module.
     """
-    import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+    with faults(debug):
+        import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+        from jaxmuscle.effects import CATALOGUE, DECLARABLE, EXTENSION
+        from jaxmuscle.effects.readings import KINDS
+        from jaxmuscle.formatting import meaning
+
+        own = load_modules(module)
+        output().print(_listed(CATALOGUE))
+        output().print("\nWhere these leave something:\n")
+        more = _listed(EXTENSION)
+        for kind, effect in KINDS.items():
+            more.add_row(f"{kind}_COLUMN", "COLUMN_reading", "all", meaning(effect.__doc__), effect.source)
+        output().print(more)
+        output().print("\nDeclared by a card, or named in diagnose(catalogue=...):\n")
+        output().print(_listed(DECLARABLE))
+        if own:
+            output().print("\nYour own:\n")
+            output().print(_listed(own))
+
+
+def _listed(effects: Iterable[type[AbstractEffect]]) -> Table:
     from jaxmuscle.actuators import RIGS
-    from jaxmuscle.effects import CATALOGUE, DECLARABLE, EXTENSION, AbstractEffect
-    from jaxmuscle.effects.readings import KINDS
     from jaxmuscle.formatting import meaning
 
-    def listed(effects: Iterable[type[AbstractEffect]]) -> Table:
-        table = Table("name", "signal", "rigs", "meaning", "source", box=None, pad_edge=False)
-        table.columns[0].no_wrap = table.columns[1].no_wrap = True
-        for effect in effects:
-            rigs = ", ".join(name for name, rig in RIGS.items() if rig.offers(effect))
-            table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
-        return table
-
-    output().print(listed(CATALOGUE))
-    output().print("\nWhere these leave something:\n")
-    more = listed(EXTENSION)
-    for kind, effect in KINDS.items():
-        more.add_row(f"{kind}_COLUMN", "COLUMN_reading", "all", meaning(effect.__doc__), effect.source)
-    output().print(more)
-    output().print("\nDeclared by a card, or named in diagnose(catalogue=...):\n")
-    output().print(listed(DECLARABLE))
+    table = Table("name", "signal", "rigs", "meaning", "source", box=None, pad_edge=False)
+    table.columns[0].no_wrap = table.columns[1].no_wrap = True
+    for effect in effects:
+        rigs = ", ".join(name for name, rig in RIGS.items() if rig.offers(effect))
+        table.add_row(effect.name, effect.slot.name, rigs, meaning(effect.__doc__), effect.source)
+    return table
 
 
 def sweep(
-    card: Annotated[Path, typer.Argument(help="Card of the machine (.toml).")],
+    card: CardArgument,
     over: Annotated[
         list[str],
         typer.Option(
@@ -251,7 +275,8 @@ def sweep(
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler whose workers compute the sweep.")
     ] = None,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    module: Modules = None,
+    debug: Debug = False,
 ) -> None:
     """Simulate a machine at many operating points.
 
@@ -261,6 +286,7 @@ def sweep(
         configure(compile_cache=True)
         from jaxmuscle.cli.swept_files import swept_files
 
+        load_modules(module)
         kept = None if runs else reduce or ["maximum", "span"]
         target = Path(f"{card.stem}-sweep.nc") if out is None else out
         files, note = swept_files(

@@ -11,9 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import carries_state, linear_strength, shapes, strength_path, strengths
+from jaxmuscle.diagnosis.candidates import (
+    Sought,
+    carries_state,
+    linear_strength,
+    of_strength,
+    shapes,
+    strength_path,
+    strengths,
+)
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.workbench import SLOW, SettledFit, Workbench
-from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
@@ -24,7 +32,7 @@ SEARCH_STEPS = (0.2, 0.3, 0.2, 0.3)
 """Parts of a search: first start, short fit from it, second start, fits to the end."""
 
 
-def search_work(effect: type[AbstractEffect]) -> float:
+def search_work(effect: Sought) -> float:
     """Work of the search of one candidate."""
     return SEARCH_WITH_STATE if carries_state(effect) else SEARCH
 
@@ -40,7 +48,7 @@ def search(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
-    effect: type[AbstractEffect],
+    effect: Sought,
     problem: Problem,
     present: SettledFit,
     meter: Meter,
@@ -74,7 +82,7 @@ def _best_start(
     bench: Workbench,
     base: AbstractActuator,
     accepted: Sequence[str],
-    effect: type[AbstractEffect],
+    effect: Sought,
     problem: Problem,
     noise: float,
 ) -> AbstractActuator:
@@ -87,7 +95,7 @@ def _best_start(
             tries.append(shaped)
         else:
             found = _strengths(bench, shaped, accepted, effect, problem, noise)
-            tries += [replace(shaped, {path: strength}) for strength in found]
+            tries += [replace(shaped, of_strength(effect, strength, shaped)) for strength in found]
     return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
 
 
@@ -95,15 +103,16 @@ def _strengths(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
-    effect: type[AbstractEffect],
+    effect: Sought,
     problem: Problem,
     noise: float,
 ) -> list[float]:
     """Strengths over the whole range, and the one of a linear step with which the free parameters move."""
     path = strength_path(effect)
-    own = bench.free_paths(model, accepted)
+    # A constant that the card calls uncertain is free anyway, but held by its prior.
+    own = [each for each in bench.free_paths(model, accepted) if each != path]
     residual, slopes = bench.jacobian(model, problem, [*own, path], [*accepted, effect.name])
-    nonnegative = parameters(model)[path].nonnegative
+    nonnegative = parameters(model)[path].nonnegative and not isinstance(effect, CardConstant)
     linear, _ = linear_strength(residual, slopes[: len(own)], slopes[len(own)])
     return [
         abs(linear) if nonnegative else linear,

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.card_constants import CardConstant, constant_path
 from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
 from jaxmuscle.parameter_names import effect_path, split_effect
-from jaxmuscle.parameters import parameters
+from jaxmuscle.parameters import get, parameters
 
 LEVELS = 6
 """Strengths that are tried, of either sign, from one that is just seen to one that explains everything."""
@@ -22,12 +24,24 @@ def missing(
     actuator: AbstractActuator, catalogue: Sequence[type[AbstractEffect]]
 ) -> list[type[AbstractEffect]]:
     """The effects of `catalogue` that the rig can have and the model does not."""
-    return [effect for effect in catalogue if actuator.offers(effect) and effect.name not in actuator.effects]
+    offered = (effect for effect in dict.fromkeys(catalogue) if actuator.offers(effect))
+    return [effect for effect in offered if effect.name not in actuator.effects]
 
 
-def carries_state(effect: type[AbstractEffect]) -> bool:
-    """Whether an effect has a state or a memory of its own."""
-    return issubclass(effect, AbstractRateEffect | AbstractMemoryEffect)
+Sought: TypeAlias = type[AbstractEffect] | CardConstant
+"""What a search may add: an effect, or another value of a constant of the card."""
+
+
+def carries_state(sought: Sought) -> bool:
+    """Whether a candidate has a state or a memory of its own."""
+    if isinstance(sought, CardConstant):
+        return False
+    return issubclass(sought, AbstractRateEffect | AbstractMemoryEffect)
+
+
+def signal_of(sought: Sought) -> str:
+    """The signal on which a candidate acts, as results call it."""
+    return sought.signal if isinstance(sought, CardConstant) else sought.slot.name
 
 
 def loaded(actuator: AbstractActuator, effects: Sequence[type[AbstractEffect]]) -> AbstractActuator:
@@ -36,13 +50,28 @@ def loaded(actuator: AbstractActuator, effects: Sequence[type[AbstractEffect]]) 
 
 
 def paths_of(model: AbstractActuator, name: str) -> list[str]:
-    """Paths of the parameters of the effect `name`."""
+    """Paths of the parameters of the candidate `name`."""
+    if (path := constant_path(model, name)) is not None:
+        return [path]
     return [path for path in parameters(model) if split_effect(path)[0] == name]
 
 
-def strength_path(effect: type[AbstractEffect]) -> str:
-    """Path of the strength of an effect."""
-    return effect_path(effect.name, effect.strength)
+def strength_path(sought: Sought) -> str:
+    """Path of the strength of an effect; of a constant, its own."""
+    return sought.path if isinstance(sought, CardConstant) else effect_path(sought.name, sought.strength)
+
+
+def without(sought: Sought) -> dict[str, float]:
+    """Path → value at which a candidate changes nothing: no strength, the card's value."""
+    return {strength_path(sought): sought.declared if isinstance(sought, CardConstant) else 0.0}
+
+
+def of_strength(sought: Sought, strength: float, model: AbstractActuator) -> dict[str, float]:
+    """Path → value of a candidate of some strength, that of a constant being its distance from `model`'s."""
+    path = strength_path(sought)
+    if isinstance(sought, CardConstant):
+        return {path: sought.within(float(get(model, path)) + strength)}
+    return {path: strength}
 
 
 def linear_strength(
@@ -62,10 +91,13 @@ def linear_strength(
     return float(-(own @ rest) / norm), float((own @ rest) ** 2 / norm / max(rest @ rest, 1e-300))
 
 
-def shapes(effect: type[AbstractEffect]) -> Iterator[dict[str, float]]:
-    """Values (by path) of an effect's parameters from which a search begins; with its strength or without."""
-    for shape in effect.starts:
-        yield {effect_path(effect.name, name): value for name, value in shape.items()}
+def shapes(sought: Sought) -> Iterator[dict[str, float]]:
+    """Values (by path) of a candidate's parameters from which a search begins, its strength or others."""
+    if isinstance(sought, CardConstant):
+        yield {}
+        return
+    for shape in sought.starts:
+        yield {effect_path(sought.name, name): value for name, value in shape.items()}
 
 
 def strengths(

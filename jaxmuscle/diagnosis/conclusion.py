@@ -15,10 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import strength_path
-from jaxmuscle.diagnosis.dependence import reveal, unexplained
+from jaxmuscle.diagnosis.candidates import Sought, signal_of, without
+from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.dependence import unexplained
 from jaxmuscle.diagnosis.diagnosis_data import Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis
@@ -35,6 +37,7 @@ from jaxmuscle.diagnosis.verdict import (
 )
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
+from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.prepare import DISCREPANCY
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.windows import Case, Problem
@@ -101,7 +104,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         unconfirmed=() if holds else effects,
         refused=refused,
         unused={column: int((~rows).sum()) for column, rows in case.usable.items() if not rows.all()},
-        violated_priors=violated_priors(final, case.priors),
+        violated_priors=violated_priors(final, _believed(case, bench, names)),
         missing_in_noise=may_miss,
         share_left=remaining,
         rounds=outcome.rounds,
@@ -149,7 +152,7 @@ def _borne_out(
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
         # By the fit's own standard deviations: that folds disagree on how much is no doubt that it is there.
         values = _estimates(final, ())
-        strengths = {c.name: c.effects[0].strength for c in outcome.found}
+        strengths = {c.name: _strength(c.effects[0]) for c in outcome.found}
         reasons = doubted([_found(candidate, values) for candidate in outcome.found], strengths)
         if not reasons:
             return outcome, final, refused
@@ -160,7 +163,7 @@ def _borne_out(
 def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Collection[str]) -> Outcome:
     """The outcome without some of its effects, everything else fitted again."""
     kept = tuple(candidate for candidate in outcome.found if candidate.name not in refused)
-    gone = {strength_path(c.effects[0]): 0.0 for c in outcome.found if c not in kept}
+    gone = {p: v for c in outcome.found if c not in kept for p, v in without(c.effects[0]).items()}
     names = [candidate.name for candidate in kept]
     model = bench.dressed(replace(outcome.model, gone), names)
     fitted = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
@@ -173,6 +176,11 @@ def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> Abstra
     return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
 
 
+def _believed(case: Case, bench: Workbench, names: list[str]) -> dict[str, Prior]:
+    """What the card says, without the constants that were found to be wrong."""
+    return {path: prior for path, prior in case.priors.items() if path not in bench.freed(names)}
+
+
 def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str]) -> FitResult | None:
     """The found model fitted as by :func:`jaxmuscle.fit`, without the held-out rows; `None` if all is known.
 
@@ -182,7 +190,9 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     free, priors = bench.free_paths(model, names), bench.shape_priors(model, names)
     if not free:
         return None
-    asked = Asked(free, priors=dict(priors))
+    freed = bench.freed(names)
+    bounds = {path: (constant.lower, constant.upper) for path, constant in freed.items()}
+    asked = Asked(free, priors={**priors, **dict.fromkeys(freed)}, bounds=bounds)
     held_out, none = held_out_rows(case), np.zeros(len(case.recording), dtype=bool)
     unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
     program, given = bench.program(model), (case.recording,)
@@ -209,19 +219,32 @@ def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str,
 
 def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
     (effect,) = candidate.effects
+    if isinstance(effect, CardConstant):
+        own = {effect.quantity: values[effect.quantity]}
+        meaning = f"The card's value is not that of the machine: {effect.meaning}."
+    else:
+        own = of_effect(effect.name, values)
+        meaning = (inspect.getdoc(effect) or "").splitlines()[0]
     return FoundEffect(
         name=effect.name,
-        signal=effect.slot.name,
-        meaning=(inspect.getdoc(effect) or "").splitlines()[0],
+        signal=signal_of(effect),
+        meaning=meaning,
         source=effect.source,
-        parameters=of_effect(effect.name, values),
+        parameters=own,
         gain=candidate.evidence.gain,
         p_value=candidate.evidence.p_value,
         kind=effect.kind,
         column=effect.column,
         test=candidate.evidence.test,
         stretches=candidate.evidence.stretches,
+        declared=effect.declared if isinstance(effect, CardConstant) else None,
+        declared_std=effect.std if isinstance(effect, CardConstant) else None,
     )
+
+
+def _strength(sought: Sought) -> str:
+    """Name of what tells how much of a candidate there is."""
+    return sought.quantity if isinstance(sought, CardConstant) else sought.strength
 
 
 def held_out_rows(case: Case) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
@@ -34,10 +35,15 @@ from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.windows import case, check_held_out, check_parts
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
+from jaxmuscle.recordings.joining import of_one_bench
 from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.spans import ends_of_members
 
 LESS = 0.8
 """Ratio of what two sets of effects leave up to which the larger set counts."""
+
+HELD_OUT = 0.3
+"""Fraction of a recording, at its end, that is kept for reporting where nothing else is asked for."""
 
 
 def _silent(progress: Progress) -> None:
@@ -45,11 +51,13 @@ def _silent(progress: Progress) -> None:
 
 
 def diagnose(
-    recording: Recording,
+    recording: Recording | Sequence[Recording],
     *,
-    held_out: float | NDArray[np.bool_] = 0.3,
+    held_out: float | NDArray[np.bool_] | None = None,
     ignored: Mask | None = None,
     catalogue: Sequence[type[AbstractEffect]] | None = None,
+    further: Sequence[type[AbstractEffect]] = (),
+    constants: bool = True,
     progress: Callable[[Progress], None] = _silent,
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
@@ -66,17 +74,26 @@ def diagnose(
     are reported, and confirm what was found, or not.
 
     Args:
-        recording: as :func:`jaxmuscle.read` gives it.
-        held_out: fraction of the recording, at its end, kept for reporting; or a mask over its rows.
+        recording: as :func:`jaxmuscle.read` gives it; or several of one bench, whose cards say the same of
+            the machine. Each is a run of its own.
+        held_out: fraction of the recording, of each of several, at its end, kept for reporting; or a mask
+            over its rows, those of several one after the other. When `None`, the rows that the card holds
+            out, else 0.3.
         ignored: rows whose readings count for nothing (a saturated sensor, a slack muscle), of all columns
-            or column → rows. Readings that are NaN do not count either, nor do single ones that stand out
-            from those beside them (:func:`~jaxmuscle.estimation.outliers.outliers`).
+            or column → rows, beside those that the card ignores. Readings that are NaN do not count either,
+            nor do single ones that stand out from those beside them
+            (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
             these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`) and the card declares dry
             friction, they are tried once more beside friction that builds up over a distance
             (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
             something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
             every column are tried with them. Each counts if it leaves less.
+        further: effects, such as your own, that are sought beside those of the catalogue from the start.
+        constants: whether a value of the card may be wrong too (a mass, a length, a braid angle, the supply
+            pressure): each is a candidate beside the effects, and is found where it explains most of what is
+            missing and no effect does as well
+            (:mod:`jaxmuscle.diagnosis.constant_ranking`). Then ``constant:mass`` stands among the effects.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
 
@@ -86,30 +103,44 @@ def diagnose(
         (something is missing, and no effect of the catalogue explains it).
 
     Raises:
-        InputError: a fraction that is none, a mask of another length, masks that leave too little.
+        InputError: a fraction that is none, a mask of another length, masks that leave too little; several
+            recordings that are not of one bench.
     """
-    check_held_out(held_out, len(recording))
+    whole = recording if isinstance(recording, Recording) else of_one_bench(recording)
     meter = Meter(progress)
-    seek = partial(_diagnosed, recording, held_out, ignored, meter=meter)
-    return interruptible(lambda: seek(catalogue) if catalogue is not None else _in_passes(seek), meter.stop)
+    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, constants=constants, meter=meter)
+    if catalogue is not None:
+        return interruptible(lambda: seek((*catalogue, *further)), meter.stop)
+    return interruptible(lambda: _in_passes(seek, further), meter.stop)
 
 
-def _in_passes(seek: Callable[..., Diagnosis]) -> Diagnosis:
+def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) -> float | NDArray[np.bool_]:
+    """What is kept for the last word, of what was asked for; as the card says where nothing was."""
+    if held_out is None:
+        held_out = HELD_OUT if recording.held_out is None else recording.held_out
+    check_held_out(held_out, len(recording))
+    if np.ndim(held_out) == 0 and recording.joined_from:
+        return ends_of_members(recording, float(held_out))  # pyright: ignore[reportArgumentType]
+    return held_out
+
+
+def _in_passes(seek: Callable[..., Diagnosis], further: Sequence[type[AbstractEffect]] = ()) -> Diagnosis:
     """A diagnosis among the usual effects; where these leave something, with dry friction that builds up over
     a distance before any of them, where there is such friction; and then among all.
 
     What is left on the training data decides, everywhere: held-out data have no say.
     """
-    best, first = seek(CATALOGUE), None
+    usual = (*CATALOGUE, *further)
+    best, first = seek(usual), None
     seconds = best.seconds
     if _leaves_something(best) and _has_dry_friction(best.declared):
-        rough = seek((*CATALOGUE, Presliding), Presliding)
+        rough = seek((*usual, Presliding), Presliding)
         seconds += rough.seconds
         if _better(rough, best):
             best, first = rough, Presliding
     if _leaves_something(best):
         own = (Presliding,) if first else ()
-        every = seek((*CATALOGUE, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
+        every = seek((*usual, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
         seconds += every.seconds
         best = every if _better(every, best) else best
     return dataclasses.replace(best, seconds=seconds)
@@ -137,6 +168,7 @@ def _diagnosed(
     catalogue: Sequence[type[AbstractEffect]],
     first: type[AbstractEffect] | None = None,
     *,
+    constants: bool,
     meter: Meter,
 ) -> Diagnosis:
     """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
@@ -146,8 +178,9 @@ def _diagnosed(
     prepared = case(recording, held_out, masks)
     check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
-    bench = workbench(prepared, candidates, [first] if first in candidates else [])
-    meter.expect(DECLARED + round_work(candidates, FOLDS) + CONCLUSION)
+    fallible = card_constants(prepared) if constants else []
+    bench = workbench(prepared, candidates, [first] if first in candidates else [], fallible)
+    meter.expect(DECLARED + round_work([*candidates, *fallible], FOLDS) + CONCLUSION)
     selection = forward_selection(prepared, bench, meter, first)
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):

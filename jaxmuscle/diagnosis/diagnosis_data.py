@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
+from jaxmuscle.effects.base import VARIABLE
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.recordings.recording import Recording
 
@@ -34,7 +35,8 @@ class FoundEffect:
     `gain`: part of the excess error (log of 1 + mean square, above noise) on unseen training windows that it
     removed; `p_value` of that, by the `test` named, and number of `stretches` of the recording that tell the
     models with it and without it apart. `kind`: name of the effect in the catalogue; of an error of a
-    sensor (`name` ``sensor_offset_pressure``) without its `column`.
+    sensor (`name` ``sensor_offset_pressure``) without its `column`. `declared`, `declared_std`: of a value of
+    the card that is found to be wrong (`name` ``constant:mass``), what the card says; `None` of an effect.
     """
 
     name: str
@@ -48,6 +50,13 @@ class FoundEffect:
     column: str | None = None
     test: str = SIGN_FLIPS
     stretches: int = 0
+    declared: float | None = None
+    declared_std: float | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is a value of the card that is wrong, and no effect."""
+        return self.declared is not None
 
     def __post_init__(self) -> None:
         """Without another kind it is of that of its name."""
@@ -112,7 +121,9 @@ class Reveal:
 
     `before`, `after`: missing rate of the state behind the output (or the residual of an imposed rig's
     reading) under the final model without `effect` and with it, sample by sample, in `unit`. The same twice
-    when no effect was found (`effect` is `None`).
+    when no effect was found (`effect` is `None`). `view`: how it is drawn, one of those that
+    :class:`~jaxmuscle.effects.AbstractEffect` names; against the time since the machine was last moved both
+    are NaN where it moves, begin each time at zero and have one direction.
     """
 
     effect: str | None
@@ -123,6 +134,7 @@ class Reveal:
     x: Series
     before: Series
     after: Series
+    view: str = VARIABLE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -209,8 +221,8 @@ class DiagnosisData:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Runners-up of the first search, best first."""
+        """Runners-up of the first search that added something, else of the first; best first."""
         if not self.rounds:
             return ()
-        first = self.rounds[0]
+        first = next((search for search in self.rounds if search.added is not None), self.rounds[0])
         return tuple(a for a in first.ranking if a.name != first.added)

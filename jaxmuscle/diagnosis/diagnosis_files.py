@@ -29,7 +29,7 @@ from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.serialization import machine, plain, restored
 from jaxmuscle.files import atomic_write, existing_file, file_content
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.recording import Member, Recording
 
 KIND = "jaxmuscle diagnosis"
 FORMAT = 1
@@ -46,7 +46,12 @@ def save(diagnosis: DiagnosisData, path: str | Path) -> Path:
     file, fields = Path(path), dataclasses.fields(diagnosis)
     held = {field.name: getattr(diagnosis, field.name) for field in fields}
     recording = diagnosis.recording
-    own = {"file": None if recording.file is None else str(recording.file)}
+    own = {
+        "file": _path_text(recording.file),
+        "joined_from": [
+            {**dataclasses.asdict(each), "file": _path_text(each.file)} for each in recording.joined_from
+        ],
+    }
     held["recording"] = {f.name: getattr(recording, f.name) for f in dataclasses.fields(recording)} | own
     held["fit"] = None if diagnosis.fit is None else fit_files.content(diagnosis.fit)
     content = {"kind": KIND, "format": FORMAT, "jaxmuscle": jaxmuscle.__version__}
@@ -112,16 +117,29 @@ def _diagnosis(data: Mapping[str, Any], file: Path, kind: type[Result]) -> Resul
     )
 
 
+def _path_text(file: Path | None) -> str | None:
+    return None if file is None else str(file)
+
+
+def _path(text: str | None) -> Path | None:
+    return None if text is None else Path(text)
+
+
 def _recording(data: Mapping[str, Any]) -> Recording:
-    file = data["file"]
+    held_out = data.get("held_out")
     return Recording(
         **{
             **data,
-            "file": None if file is None else Path(file),
+            "file": _path(data["file"]),
             "card": Card.from_toml(data["card"]),
             "time": np.array(data["time"], dtype=float),
             "columns": _series(data["columns"]),
             "breaks": tuple(data["breaks"]),
+            "ignored": {name: np.array(rows, dtype=bool) for name, rows in data.get("ignored", {}).items()},
+            "held_out": None if held_out is None else np.array(held_out, dtype=bool),
+            "joined_from": tuple(
+                Member(**{**each, "file": _path(each["file"])}) for each in data.get("joined_from", ())
+            ),
         }
     )
 

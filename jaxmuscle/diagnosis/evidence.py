@@ -40,6 +40,8 @@ LEAST_GAIN = {SIGN_FLIPS: 0.05, LIKELIHOOD_RATIO: 0.3}
 removes more, and a likelihood ratio says only that something is missing, not that it is this."""
 HALVED = 2 * float(np.log(2.0))
 """Fall of the loss in a typical block that does instead: an error that is halved, of whatever size."""
+TOLD_APART = 0.05
+"""p-value below which the best candidate is told apart from another."""
 OUTCOMES = 10
 """Outcomes of the sign-flip test at least that have to be able to support an effect."""
 

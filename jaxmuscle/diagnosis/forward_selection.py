@@ -8,18 +8,21 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import signal_of
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
+from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
-from jaxmuscle.diagnosis.evidence import compare
-from jaxmuscle.diagnosis.pairs import best_pair
+from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
+from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
-from jaxmuscle.diagnosis.verdict import MUCH
+from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Case, Problem
 from jaxmuscle.parallel import in_background
+from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
 
 MOST_EFFECTS = 3
@@ -27,8 +30,6 @@ MOST_FOR_PAIRS = len(CATALOGUE)
 """Candidates up to which pairs are tried: the forty of a second pass took half an hour on a joint."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
-TOLD_APART = 0.05
-"""p-value below which the best candidate is told apart from another."""
 PARTS = 4
 """Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth."""
 SPREAD = 2.0
@@ -67,12 +68,26 @@ class ForwardSelection:
         return [candidate.name for candidate in self.found]
 
     def seek(self) -> None:
-        """Add effects until nothing is missing, none is supported, or there are :data:`MOST_EFFECTS`."""
-        most = min(self.given + MOST_EFFECTS, len(self.bench.candidates))
+        """Add effects until nothing is missing, none is supported, or there are :data:`MOST_EFFECTS`.
+
+        Something is missing, too, where all readings are explained by a value that contradicts the card.
+        """
+        tools = self.bench
+        most = min(self.given + MOST_EFFECTS, len(tools.candidates) + len(tools.constants))
         while len(self.found) < most:
             left = max(mean_squares(self.bench, self.model, self.training).values())
-            if left < NOTHING_LEFT or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
+            quiet = left < NOTHING_LEFT and not self._contradicts_the_card()
+            if quiet or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
                 break
+
+    def _contradicts_the_card(self) -> bool:
+        """Whether a value has run far from the card's: it may make up for what is missing."""
+        freed = self.bench.freed(self.names)
+        return any(
+            abs(float(get(self.model, path)) - prior.mean) > VIOLATED * prior.std
+            for path, prior in self.bench.priors.items()
+            if path not in freed
+        )
 
     def begin_with(self, effect: type[AbstractEffect]) -> bool:
         """Add one candidate before any other is tried, if unseen windows support it."""
@@ -89,11 +104,13 @@ class ForwardSelection:
     def _single(self) -> bool:
         """Add the best candidate, if unseen windows support it."""
         self.ready()
-        ranking = rank(self.bench, self.model, self.names, self.parts, self.meter)
+        ranking = rank_with_constants(self.bench, self.model, self.names, self.parts, self.meter)
         if ranking.valley is not None:
             self._refit((self.model, ranking.valley))
-            ranking = rank(self.bench, self.model, self.names, self.parts, self.meter)
+            ranking = rank_with_constants(self.bench, self.model, self.names, self.parts, self.meter)
         best = ranking.supported(len(self.found))
+        if best is not None and not explains(best, len(self.found)):
+            best = None
         self.rounds.append(_round(ranking, best))
         if best is not None or len(self.found) == self.given:
             self.before = self.model, ranking
@@ -109,11 +126,14 @@ class ForwardSelection:
         if self.before is None or further > 1 or len(self.bench.candidates) > self.given + MOST_FOR_PAIRS:
             return False
         model, ranking = self.before
-        pair = best_pair(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
-        if pair is None or not pair.evidence.supports(len(self.found) + 1):
+        pairs = best_pairs(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
+        if not pairs or not pairs[0].evidence.supports(len(self.found) + 1):
+            return False
+        pair = pairs[0]
+        if not explains(pair, len(self.found)):
             return False
         del self.found[self.given :]
-        ranking = dataclasses.replace(ranking, candidates=(pair, *ranking.candidates))
+        ranking = dataclasses.replace(ranking, candidates=(*pairs, *ranking.candidates))
         self.rounds.append(_round(ranking, pair))
         self._add(pair)
         return True
@@ -173,7 +193,7 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
     entries = tuple(
         Alternative(
             candidate.name,
-            candidate.effects[0].slot.name,
+            signal_of(candidate.effects[0]),
             candidate.evidence.gain,
             candidate.evidence.p_value,
             candidate.evidence.loss,

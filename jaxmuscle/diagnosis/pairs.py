@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search
+from jaxmuscle.diagnosis.candidates import Sought
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.ranking import (
@@ -35,41 +38,59 @@ NEEDED = 0.2
 either of its own, or the best one; or it halves the error."""
 
 
-def best_pair(
+Pair: TypeAlias = tuple[tuple[Sought, ...], SettledFit]
+
+
+def best_pairs(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
     ranking: Ranking,
     problem: Problem,
     meter: Meter,
-) -> Candidate | None:
-    """The pair that explains most where it is fitted, if both effects are needed.
+) -> list[Candidate]:
+    """The pair that explains most where it is fitted, if both are needed; nothing else.
 
-    It also has to do better, by :data:`NEEDED`, than the best single candidate. Its p-value allows for all
-    pairs that were tried (Bonferroni).
+    Effects stand beside effects, and beside the constants of the card that do best: where a scale was misread
+    and a guide rubs, neither shows alone. Behind a pair with a constant come those of its effect with another
+    constant. It also has to do better, by :data:`NEEDED`, than the best single candidate. Its p-value allows
+    for all pairs that were tried (Bonferroni).
 
     Args:
         model, accepted: the present model and its effects, of which `ranking` is.
     """
-    leaders = [candidate for candidate in ranking.candidates if candidate.judged][:LEADERS]
+    judged = [candidate for candidate in ranking.candidates if candidate.judged]
+    leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
+    leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
     if not leaders or len(rest) < 2:
-        return None
+        return []
     meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
     pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]
     hopeful = [pair for pair in pairs if pair[1].hopeful]
     if not hopeful:
-        return None
-    effects, found = hopeful[best_of([fitted for _, fitted in hopeful])]
-    return _judged(bench, model, accepted, ranking, problem, effects, found, len(pairs), meter)
+        return []
+    best = hopeful[best_of([fitted for _, fitted in hopeful])]
+    alike = [pair for pair in hopeful if pair is not best and _same_but_for_a_constant(pair, best)]
+    found = [
+        _judged(bench, model, accepted, ranking, problem, *pair, len(pairs), meter) for pair in (best, *alike)
+    ]
+    return [each for each in found if each is not None] if found[0] is not None else []
 
 
-def _needed(single: Losses, both: Losses) -> bool:
+def _has_constant(effects: Sequence[Sought]) -> bool:
+    return any(isinstance(effect, CardConstant) for effect in effects)
+
+
+def _same_but_for_a_constant(one: Pair, other: Pair) -> bool:
+    """Whether two pairs are of one effect, each with a constant of its own."""
+    (first, effect), (second, of) = one[0], other[0]
+    return effect is of and _has_constant([first]) and _has_constant([second])
+
+
+def needed(single: Losses, both: Losses) -> bool:
     """Whether a pair does better than a single effect."""
     return gain(single, both) >= NEEDED or typical_fall(single, both) >= HALVED
-
-
-Pair = tuple[tuple[type[AbstractEffect], ...], SettledFit]
 
 
 def _beside(
@@ -96,7 +117,7 @@ def _judged(
     accepted: Sequence[str],
     ranking: Ranking,
     problem: Problem,
-    effects: tuple[type[AbstractEffect], ...],
+    effects: tuple[Sought, ...],
     found: SettledFit,
     tried: int,
     meter: Meter,
@@ -114,7 +135,7 @@ def _judged(
         (found, [*accepted, *(effect.name for effect in effects)]),
     ]
     (without, *singles, both), refitted = judged_all(bench, folds, models, JUDGEMENT, meter)
-    if not all(_needed(single, both) for single in singles):
+    if not all(needed(single, both) for single in singles):
         return None
     (told,) = compare(without, [both], folds.stretch)
     if told.too_few_stretches(len(accepted) + 1):

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search, search_work
-from jaxmuscle.diagnosis.candidates import carries_state, paths_of, strength_path
+from jaxmuscle.diagnosis.candidates import Sought, carries_state, paths_of, without
 from jaxmuscle.diagnosis.evidence import (
     LIKELIHOOD_RATIO,
     Blocks,
@@ -28,7 +28,6 @@ from jaxmuscle.diagnosis.evidence import (
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.diagnosis.workbench import SettledFit, Workbench, best_of
-from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
@@ -43,7 +42,7 @@ JUDGEMENT = 0.07
 REFIT = 0.1
 
 
-def round_work(effects: Sequence[type[AbstractEffect]], folds: int) -> float:
+def round_work(effects: Sequence[Sought], folds: int) -> float:
     """Work of a round that tries `effects` and judges them, and the model without them, on `folds` folds."""
     searched = sum(search_work(effect) for effect in effects)
     return searched + JUDGEMENT * folds * (len(effects) + 1)
@@ -67,7 +66,7 @@ class Candidate:
     tried on unseen windows: its evidence is that of the windows it was fitted to, and too little.
     """
 
-    effects: tuple[type[AbstractEffect], ...]
+    effects: tuple[Sought, ...]
     evidence: Evidence
     losses: Losses
     model: AbstractActuator
@@ -114,7 +113,7 @@ def rank(
     accepted: Sequence[str],
     problem: Problem,
     meter: Meter,
-    among: Sequence[type[AbstractEffect]] | None = None,
+    among: Sequence[Sought] | None = None,
 ) -> Ranking:
     """Rank the candidates that are not yet accepted, or those `among` them.
 
@@ -123,7 +122,7 @@ def rank(
     that are free anyway, and judged on that one. A candidate that explains too little of the very windows
     that it was fitted to is not judged (:func:`_promising`).
     """
-    rest = [e for e in (bench.candidates if among is None else among) if e.name not in accepted]
+    rest: list[Sought] = [e for e in (bench.candidates if among is None else among) if e.name not in accepted]
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
@@ -195,7 +194,7 @@ def by_likelihood(
     model: AbstractActuator,
     accepted: Sequence[str],
     problem: Problem,
-    promising: Sequence[tuple[tuple[type[AbstractEffect], ...], SettledFit]],
+    promising: Sequence[tuple[tuple[Sought, ...], SettledFit]],
     evidence: Sequence[Evidence],
     tried: int,
 ) -> list[Evidence]:
@@ -229,7 +228,7 @@ def _at_its_best(
     accepted: Sequence[str],
     problem: Problem,
     present: SettledFit,
-    effects: Sequence[type[AbstractEffect]],
+    effects: Sequence[Sought],
     searched: Sequence[SettledFit],
 ) -> SettledFit:
     """The present model, or a better fit of it where the one with the best candidate leads.
@@ -241,8 +240,8 @@ def _at_its_best(
     if not hopeful:
         return present
     effect, found = hopeful[best_of([fitted for _, fitted in hopeful])]
-    without = bench.dressed(replace(found.model, {strength_path(effect): 0.0}), accepted)
-    other = bench.settled(without, accepted, problem, STEPS)
+    bare = bench.dressed(replace(found.model, without(effect)), accepted)
+    other = bench.settled(bare, accepted, problem, STEPS)
     better = best_of([present, other]) and _falls(bench, present, other, problem)
     return other if better else present
 

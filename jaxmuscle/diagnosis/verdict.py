@@ -68,7 +68,11 @@ def doubted(found: Sequence[FoundEffect], strengths: Mapping[str, str]) -> dict[
     reasons = {}
     for effect in found:
         strength = effect.parameters.get(strengths[effect.name])
-        if strength is not None and not differs_from_none(strength):
+        if strength is not None and effect.declared is not None:
+            std = max(strength.std, effect.declared_std or 0.0)
+            if abs(strength.value - effect.declared) < VIOLATED * std:
+                reasons[effect.name] = "it does not differ from the card's value by three standard deviations"
+        elif strength is not None and not differs_from_none(strength):
             reasons[effect.name] = "its strength does not differ from none by two standard deviations"
     return reasons
 

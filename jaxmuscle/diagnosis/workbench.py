@@ -13,12 +13,14 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.parameter_layout import unknown_within
+from jaxmuscle.estimation.request import Bounds
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
 from jaxmuscle.estimation.weights import Discrepancy
@@ -131,6 +133,7 @@ class Workbench:
         declared: paths of the parameters that the card calls uncertain.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         width: number of tangents of a fit.
+        constants: constants of the card that may be wrong; they are candidates too, in every model.
         carried: names of candidates with a state that every model carries.
     """
 
@@ -141,6 +144,7 @@ class Workbench:
     priors: Mapping[str, Prior]
     width: int
     carried: tuple[str, ...] = ()
+    constants: tuple[CardConstant, ...] = ()
 
     @property
     def changing(self) -> list[type[AbstractEffect]]:
@@ -162,7 +166,9 @@ class Workbench:
     def order(self, model: AbstractActuator) -> list[str]:
         """Every path that a fit of a model of this structure may ever move."""
         carried = [effect.name for effect in self.candidates if effect.name in model.effects]
-        return [*self.declared, *(path for name in carried for path in paths_of(model, name))]
+        constants = (constant.path for constant in self.constants)
+        effects = (path for name in carried for path in paths_of(model, name))
+        return list(dict.fromkeys([*self.declared, *constants, *effects]))
 
     def shape_priors(self, model: AbstractActuator, names: Sequence[str]) -> dict[str, Prior]:
         """Weak priors on the parameters of effects other than their strengths: their value, by its size.
@@ -170,7 +176,7 @@ class Workbench:
         They keep a time constant or a threshold that the data say nothing of where it began.
         """
         entries, defaults = parameters(model), loaded(self.model, self.candidates)
-        strengths = {strength_path(e) for e in self.candidates}
+        strengths = {strength_path(e) for e in (*self.candidates, *self.constants)}
         priors = {}
         for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
             default = float(get(defaults, path))
@@ -180,14 +186,26 @@ class Workbench:
         return priors
 
     def free_paths(self, model: AbstractActuator, effects: Sequence[str]) -> list[str]:
-        """Paths that a fit moves: the declared ones and those of `effects`."""
-        return [*self.declared, *(path for name in effects for path in paths_of(model, name))]
+        """Paths that a fit moves: the declared ones and those of `effects`, effects or constants."""
+        own = (path for name in effects for path in paths_of(model, name))
+        return list(dict.fromkeys([*self.declared, *own]))
+
+    def freed(self, names: Sequence[str]) -> dict[str, CardConstant]:
+        """Path → constant of the card that is among `names`, and so free of what the card says of it."""
+        return {constant.path: constant for constant in self.constants if constant.name in names}
 
     def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
         """The vector of the parameters `paths`, from their values in `model`, with their priors."""
         priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
-        free = {path: priors.get(path) for path in paths}
-        return Unknowns([_unknown(entries[path], prior) for path, prior in free.items()])
+        freed = self.freed(effects)
+        return Unknowns(
+            [
+                _unknown(entries[path], None, (freed[path].lower, freed[path].upper))
+                if path in freed
+                else _unknown(entries[path], priors.get(path))
+                for path in paths
+            ]
+        )
 
     def objective(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
@@ -326,16 +344,21 @@ class Workbench:
 
 
 def workbench(
-    case: Case, candidates: Sequence[type[AbstractEffect]], carried: Sequence[type[AbstractEffect]] = ()
+    case: Case,
+    candidates: Sequence[type[AbstractEffect]],
+    carried: Sequence[type[AbstractEffect]] = (),
+    constants: Sequence[CardConstant] = (),
 ) -> Workbench:
     """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
     priors, width = case.priors, len(case.priors) + SPARE
     held = [effect for effect in candidates if not carries_state(effect) or effect in carried]
     names = tuple(effect.name for effect in carried)
     model = loaded(case.actuator, held)
-    return Workbench(case, model, tuple(candidates), tuple(priors), dict(priors), width, names)
+    return Workbench(
+        case, model, tuple(candidates), tuple(priors), dict(priors), width, names, tuple(constants)
+    )
 
 
-def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:
+def _unknown(entry: Parameter, prior: Prior | None, bounds: Bounds = (None, None)) -> Unknown:
     """One entry of the vector, from its value in the model."""
-    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, (None, None))
+    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, bounds)

@@ -17,6 +17,10 @@ from jaxtyping import Array, PyTree
 
 from jaxmuscle.signals import Signals, Slot
 
+VARIABLE, LOOP, COMMANDED, LOG_TIME, TIME = "variable", "loop", "command", "log time", "time"
+"""What reveals an effect: a measured variable, one that rises and falls, the command, the time since the
+machine was last moved, the time of the recording."""
+
 
 class AbstractEffect(eqx.Module):
     """Common to all effects.
@@ -32,6 +36,7 @@ class AbstractEffect(eqx.Module):
         source: where the equation comes from.
         stage: effects of one slot act in the order of their stages, each on what those of the stages
             before have left; those of one stage all see the same.
+        view: what the report of a diagnosis shows it against, :data:`VARIABLE` or another of those.
         forms: classes that are this effect, under its name, on rigs that do not offer this class.
     """
 
@@ -44,6 +49,7 @@ class AbstractEffect(eqx.Module):
     starts: ClassVar[tuple[Mapping[str, float], ...]]
     source: ClassVar[str]
     stage: ClassVar[int] = 0
+    view: ClassVar[str] = VARIABLE
     forms: ClassVar[tuple[type[AbstractEffect], ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

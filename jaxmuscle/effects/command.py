@@ -9,7 +9,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import COMMANDED, LOOP, AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, Signals
 
@@ -47,6 +47,7 @@ class ValveOffset(AbstractStaticEffect):
     strength: ClassVar = "offset"
     starts: ClassVar = ({},)
     source: ClassVar = "null shift of a valve, Merritt, Hydraulic Control Systems (1967)"
+    view: ClassVar = COMMANDED
 
     offset: Scalar = parameter(
         "{command}", "what the valve adds to its command", default=0.0, typical=SMALL_COMMAND
@@ -73,6 +74,7 @@ class SpoolHysteresis(AbstractMemoryEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "play operator, [W] equation 1"
     stage: ClassVar = 1
+    view: ClassVar = LOOP
 
     half_width: Scalar = parameter(
         "{command}",
@@ -122,6 +124,7 @@ class DeadBand(AbstractStaticEffect):
     starts: ClassVar = ({},)
     source: ClassVar = "overlapped spool, Merritt, Hydraulic Control Systems (1967)"
     stage: ClassVar = 2
+    view: ClassVar = COMMANDED
 
     width: Scalar = parameter(
         "{command}",

@@ -7,7 +7,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import LOOP, TIME, AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.hysteresis.operators import bouc_wen
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import MUSCLE_FORCE, Signals
@@ -28,6 +28,7 @@ class ForceDrift(AbstractStaticEffect):
     strength: ClassVar = "share"
     starts: ClassVar = tuple({"time_constant": tau} for tau in (10.0, 60.0, 600.0))
     source: ClassVar = "first-order decay in time; softening, Mullins 1969"
+    view: ClassVar = TIME
 
     share: Scalar = parameter("", "share of the force that is lost in the end", default=0.0)
     time_constant: Scalar = parameter("s", "time constant of the decay", default=60.0, positive=True)
@@ -51,6 +52,7 @@ class BoucWen(AbstractMemoryEffect):
     strength: ClassVar = "amplitude"
     starts: ClassVar = tuple({"distance": distance} for distance in (3e-3, 1e-3, 1e-2))
     source: ClassVar = "Bouc 1967, Wen 1976"
+    view: ClassVar = LOOP
 
     amplitude: Scalar = parameter("N", "half-width F_b of the saturated loop", default=0.0, nonnegative=True)
     distance: Scalar = parameter("m", "contraction over which z builds up", default=3e-3, positive=True)

@@ -13,6 +13,8 @@ from jaxtyping import Array
 
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import (
+    LOG_TIME,
+    LOOP,
     AbstractMemoryEffect,
     AbstractMuscleEffect,
     AbstractRateEffect,
@@ -178,6 +180,7 @@ class LengthHysteresis(AbstractMemoryEffect):
     strength: ClassVar = "weight"
     starts: ClassVar = ({},)
     source: ClassVar = "[W] equations 1, 3, 5"
+    view: ClassVar = LOOP
 
     weight: Scalar = parameter(
         "", "half-width of the loop relative to π r0² P", default=0.0, nonnegative=True
@@ -222,6 +225,7 @@ class Creep(AbstractRateEffect):
         {"fast_time": 5.0, "slow_time": 30.0},
     )
     source: ClassVar = "standard linear solid, two delayed elements"
+    view: ClassVar = LOG_TIME
 
     stiffness: Scalar = parameter(
         "N", "delayed force per unit of contraction ratio", default=0.0, nonnegative=True

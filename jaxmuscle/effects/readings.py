@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.base import TIME, AbstractEffect
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import Slot
 
@@ -147,6 +147,7 @@ class SensorDrift(AbstractReadingEffect):
     kind: ClassVar = "sensor_drift"
     strength: ClassVar = "rate"
     source: ClassVar = "zero drift of a transducer, ISA-37.1"
+    view: ClassVar = TIME
 
     rate: eqx.AbstractVar[Scalar]
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import LOOP, AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.effects.readings import AbstractCorrectedEffect, Samples, Series
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, POSITION_READING, PRESSURE_READING, Signals
@@ -131,6 +131,7 @@ class Backlash(AbstractMemoryEffect):
     strength: ClassVar = "half_width"
     starts: ClassVar = ({},)
     source: ClassVar = "play operator; Nordin and Gutman, Automatica 38, 2002"
+    view: ClassVar = LOOP
 
     half_width: Scalar = parameter(
         "{motion}", "half the play between load and sensor", default=0.0, nonnegative=True, typical=2e-4

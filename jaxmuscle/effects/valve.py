@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractStaticEffect
+from jaxmuscle.effects.base import COMMANDED, LOOP, AbstractEffect, AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.effects.command import SpoolHysteresis
 from jaxmuscle.hysteresis import FrameRule
 from jaxmuscle.hysteresis.operators import play
@@ -40,6 +40,7 @@ class ValveHysteresis(AbstractMemoryEffect):
     starts: ClassVar = ({"width": 0.1}, {"width": 0.25}, {"width": 0.5})
     source: ClassVar = "[H] section 2.4 with the operators of [W] equation 1"
     forms: ClassVar[tuple[type[AbstractEffect], ...]] = (SpoolHysteresis,)
+    view: ClassVar = LOOP
 
     weight: Scalar = parameter("", "part of the compliance that lies behind the plays", default=0.0)
     width: Scalar = parameter("N", "half-width of the widest play, as tip force", default=0.25, positive=True)
@@ -77,6 +78,7 @@ class FrameValveHysteresis(AbstractMemoryEffect):
     strength: ClassVar = "half_width"
     starts: ClassVar = ({},)
     source: ClassVar = "[H] section 2.4, Frame et al. (1982)"
+    view: ClassVar = LOOP
 
     half_width: Scalar = parameter("m", "half the separation of the major loop, X", default=0.0, typical=1e-5)
     span: Scalar = parameter("N", "tip force at which the major loop closes", default=0.7784, positive=True)
@@ -117,6 +119,7 @@ class CurrentSaturation(AbstractStaticEffect):
     strength: ClassVar = "inverse_limit"
     starts: ClassVar = tuple({"inverse_limit": 1 / limit} for limit in (0.35, 0.25, 0.18, 0.13, 0.09))
     source: ClassVar = "magnetic saturation of the torque motor, piecewise linear"
+    view: ClassVar = COMMANDED
 
     inverse_limit: Scalar = parameter(
         "1/A", "one over the current at which the tip force saturates", default=0.0, nonnegative=True

@@ -123,7 +123,8 @@ def usable(actuator: AbstractActuator, recording: Recording, mask: Mask | None) 
     """Find out which samples of `recording` can be used.
 
     Args:
-        mask: rows that are bad: one boolean array for all columns, or column → boolean array.
+        mask: rows that are bad: one boolean array for all columns, or column → boolean array. Those that the
+            recording's card wants to be ignored are bad without it.
 
     Raises:
         InputError: a mask of the wrong length or for an unknown column, a missing command, too little left.
@@ -221,6 +222,8 @@ def _bad(actuator: AbstractActuator, recording: Recording, mask: Mask | None) ->
     bad = {}
     for column in sensors:
         rows = ~np.isfinite(recording.columns[column])
+        if column in recording.ignored:
+            rows = rows | recording.ignored[column]
         if column in masks:
             rows = rows | _checked(masks[column], recording, column)
         if rows.any():

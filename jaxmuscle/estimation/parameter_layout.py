@@ -4,7 +4,6 @@ agree.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -19,6 +18,7 @@ from jaxmuscle.estimation.request import Asked, Bounds, read_bounds, read_prior
 from jaxmuscle.parameter_names import START, expanded, of_machine, resolve
 from jaxmuscle.parameters import Parameter, replace
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.joining import distinct
 from jaxmuscle.recordings.recording import Recording
 
 
@@ -139,20 +139,8 @@ def check_same_rig(actuator: AbstractActuator, recordings: Sequence[Recording]) 
 
 
 def labels(recordings: Sequence[Recording]) -> list[str]:
-    """A name for each recording, no two alike: its own, numbered from the second of the same name on.
-
-    A number that makes the name of another recording is passed over: ``a-2``, ``a``, ``a`` are ``a-2``,
-    ``a``, ``a-3``.
-    """
-    own = {recording.name for recording in recordings}
-    names: list[str] = []
-    for recording in recordings:
-        name = recording.name
-        if name in names:
-            numbered = (f"{name}-{count}" for count in itertools.count(2))
-            name = next(each for each in numbered if each not in own and each not in names)
-        names.append(name)
-    return names
+    """A name for each recording, no two alike: its own, numbered from the second of the same name on."""
+    return distinct([recording.name for recording in recordings])
 
 
 def known_places(

@@ -23,6 +23,7 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings import schema
+from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, written_row_span
 from jaxmuscle.recordings.card_sections import read_sections
 from jaxmuscle.recordings.schema import (
     AMBIENT,
@@ -144,6 +145,10 @@ class Card:
         effects: name of an effect that the experimenter declares → parameter → value.
         noise: measured quantity → standard deviation of its sensor [SI].
         horizon: length of the windows of prediction [s], `None` for whole runs.
+        ignore: name of the user's → rows whose readings count for nothing (a slack muscle, a saturated
+            sensor).
+        held_out: name → rows that no fit of a diagnosis sees.
+        breaks: name → where a new run begins, with everything that is not measured at rest.
         file: where the card came from, when it did; not part of what makes two cards equal.
         text: the TOML that it was read from, of which :meth:`to_toml` keeps the comments and the layout;
             not part of what makes two cards equal.
@@ -157,6 +162,9 @@ class Card:
     effects: dict[str, dict[str, Quantity]] = dataclasses.field(default_factory=dict)
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
     horizon: float | None = None
+    ignore: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
+    held_out: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
+    breaks: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
     file: Path | None = dataclasses.field(default=None, compare=False)
     text: str | None = dataclasses.field(default=None, compare=False, repr=False)
 
@@ -191,6 +199,11 @@ class Card:
         """The quantities and the parameters of declared effects, by the names that results call them."""
         effects = ((effect_path(e, name), q) for e, own in self.effects.items() for name, q in own.items())
         return {**self.quantities, **dict(effects)}
+
+    @property
+    def row_spans(self) -> dict[str, dict[str, RowSpan]]:
+        """Section → name → rows, of the sections that name rows."""
+        return {IGNORE: self.ignore, HELD_OUT: self.held_out, BREAKS: self.breaks}
 
     @property
     def ambient_pressure(self) -> float:
@@ -276,6 +289,9 @@ class Card:
         for name, parameters in self.effects.items():
             own = schema.effect_parameters(rig.effect_named(name), rig)
             sections[f"effects.{name}"] = written(parameters, own)
+        for name, spans in self.row_spans.items():
+            if spans:
+                sections[name] = {key: written_row_span(name, span) for key, span in spans.items()}
         return sections
 
     def _written_noise(self, name: str, need: Need) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import effect_named, names_on
 from jaxmuscle.errors import InputError, Problems, nearest
 from jaxmuscle.recordings import schema
+from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, read_row_span
 from jaxmuscle.recordings.schema import (
     AMBIENT,
     ColumnSpec,
@@ -23,7 +25,9 @@ from jaxmuscle.recordings.schema import (
 from jaxmuscle.units import STANDARD_ATMOSPHERE, out_of_range
 
 HEADS = ("rig", "description")
-SECTIONS = ("columns", "known", "uncertain", "effects", "noise", "fit")
+SECTIONS = ("columns", "known", "uncertain", "effects", "noise", "fit", IGNORE, HELD_OUT, BREAKS)
+NAME = re.compile(r"[A-Za-z0-9_-]+")
+"""Keys of a card that are the user's own names."""
 SUPPLY = "supply_pressure"
 """The quantity above which no pressure of a machine can rise for long."""
 
@@ -51,6 +55,7 @@ def read_sections(mapping: Mapping[str, Any], file: str) -> dict[str, Any]:
         "effects": _effects(sections["effects"], rig, problems),
         "noise": _noise(sections["noise"], rig, problems),
         "horizon": _horizon(sections["fit"], problems),
+        **{name: _row_spans(name, sections[name], rig, problems) for name in (IGNORE, HELD_OUT, BREAKS)},
     }
     problems.check()
     return fields
@@ -167,8 +172,12 @@ def _effect(
     return found
 
 
+def _measured(rig: Rig) -> dict[str, Need]:
+    return {name: need for name, need in schema.columns(rig).items() if name not in ("time", *rig.commands)}
+
+
 def _noise(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, float]:
-    needs = {name: need for name, need in schema.columns(rig).items() if name not in ("time", *rig.commands)}
+    needs = _measured(rig)
     _unknown(section, needs, "[noise]", problems)
     found: dict[str, float] = {}
     for name in (name for name in section if name in needs):
@@ -184,3 +193,13 @@ def _horizon(section: Mapping[str, Any], problems: Problems) -> float | None:
             need = Need("s", "length of the windows of prediction", positive=True)
             return read_quantity(section["horizon"], need, 0.0, keys=("value", "unit")).value
     return None
+
+
+def _row_spans(name: str, section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, RowSpan]:
+    found: dict[str, RowSpan] = {}
+    for key, entry in section.items():
+        with problems.at(f"[{name}] {key}"):
+            if not NAME.fullmatch(key):
+                raise InputError("expected a name of letters, digits, - and _; rename it")
+            found[key] = read_row_span(name, entry, _measured(rig))
+    return found

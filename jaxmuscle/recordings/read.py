@@ -11,9 +11,11 @@ import pandas as pd
 import xarray as xr
 
 from jaxmuscle.actuators import RIGS
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import InputError
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.card_rows import NamedRows, named_rows
 from jaxmuscle.recordings.clocks import resampled
 from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.readers import SUFFIXES, check_ending, read_table, table_name
@@ -98,12 +100,13 @@ def _recording(table: Table, card: Card, sha256: str | None, resample: bool) -> 
     step = float(time[-1] - time[0]) / (len(time) - 1)
     file = table.file if isinstance(table.file, Path) else None
     name = str(table.file) if file is None else table_name(file)
-    return Recording(name, file, sha256, card, time, step, columns)
+    rows = _rows_of_card(table, card, time)
+    return Recording(name, file, sha256, card, time, step, columns, rows.breaks, rows.ignored, rows.held_out)
 
 
 def checks(
     table: Table, card: Card, time: Series, columns: Mapping[str, Series], resample: bool
-) -> list[Callable[[], None]]:
+) -> list[Callable[[], object]]:
     """What a table has to pass beside its card, each raising `InputError`; the first before all others.
 
     Args:
@@ -122,4 +125,10 @@ def checks(
             table.file, rig, card, columns, float(np.median(np.diff(time))), lambda i: f"row {table.row(i)}"
         ),
         lambda: check_horizon(table, card, time),
+        lambda: _rows_of_card(table, card, time),
     ]
+
+
+def _rows_of_card(table: Table, card: Card, time: Series) -> NamedRows:
+    """The rows that a card names; `InputError` where none lies there."""
+    return named_rows(card.row_spans, time, measured_columns(RIGS[card.rig]), str(table.file))

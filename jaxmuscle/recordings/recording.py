@@ -1,4 +1,4 @@
-"""Recording: what was measured, in SI, on a uniform clock; from arrays in memory, and several joined."""
+"""Recording: what was measured, in SI, on a uniform clock; from a table or from arrays in memory."""
 
 from __future__ import annotations
 
@@ -20,9 +20,29 @@ from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.card_rows import Rows
 from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.schema import ColumnSpec, Need, Quantity
 from jaxmuscle.units import Series
+
+
+@dataclasses.dataclass(frozen=True)
+class Member:
+    """One of several recordings that were joined.
+
+    Attributes:
+        name: what results call it.
+        file, sha256: the table that was read and its checksum, `None` for one made in memory.
+        first, rows: its first row in the whole, and how many it has.
+        begin: its own time at that row [s].
+    """
+
+    name: str
+    file: Path | None
+    sha256: str | None
+    first: int
+    rows: int
+    begin: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -38,6 +58,9 @@ class Recording:
         columns: quantity as in the card ("command", "pressure_1", …) → samples. The command of a sample
             acts until the next one; sensors are read at the sample.
         breaks: rows at which a new run begins, with everything that is not measured at rest.
+        ignored: column → rows whose reading counts for nothing, as the card says.
+        held_out: rows that no fit of a diagnosis sees, as the card says; `None` where it names none.
+        joined_from: the recordings that it was joined from; empty for a single one.
     """
 
     name: str
@@ -48,6 +71,9 @@ class Recording:
     step: float
     columns: dict[str, Series] = dataclasses.field(repr=False)
     breaks: tuple[int, ...] = ()
+    ignored: Mapping[str, Rows] = dataclasses.field(default_factory=dict, repr=False)
+    held_out: Rows | None = dataclasses.field(default=None, repr=False)
+    joined_from: tuple[Member, ...] = dataclasses.field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         """Hold all columns to one length."""
@@ -63,20 +89,46 @@ class Recording:
         """Number of samples."""
         return len(self.time)
 
+    @property
+    def members(self) -> tuple[Member, ...]:
+        """The recordings that it was joined from, or itself."""
+        alone = Member(self.name, self.file, self.sha256, 0, len(self), float(self.time[0]))
+        return self.joined_from or (alone,)
+
     def part(self, start: int | None, stop: int | None) -> Recording:
         """The samples from `start` up to, not including, `stop`, counted as in a slice."""
         rows = slice(start, stop)
         first, last, _ = rows.indices(len(self))
         columns = {name: values[rows] for name, values in self.columns.items()}
         breaks = tuple(row - first for row in self.breaks if first < row < last)
-        return dataclasses.replace(self, time=self.time[rows], columns=columns, breaks=breaks)
+        return dataclasses.replace(
+            self,
+            time=self.time[rows],
+            columns=columns,
+            breaks=breaks,
+            ignored={name: bad[rows] for name, bad in self.ignored.items()},
+            held_out=None if self.held_out is None else self.held_out[rows],
+            joined_from=tuple(
+                _within(member, first, last, self.step)
+                for member in self.joined_from
+                if member.first < last and member.first + member.rows > first
+            ),
+        )
+
+
+def _within(member: Member, first: int, last: int, step: float) -> Member:
+    """What of a member lies between two rows of the whole, counted from the first of them."""
+    begin, end = max(member.first, first), min(member.first + member.rows, last)
+    time = member.begin + step * (begin - member.first)
+    return dataclasses.replace(member, first=begin - first, rows=end - begin, begin=time)
 
 
 def _view(recording: Recording) -> View:
     card, rate = recording.card, 1 / recording.step
     facts = [f"rig {card.rig}", f"{len(recording)} samples at {rate:.4g} Hz"]
     facts += [f"{len(recording.breaks) + 1} runs"] if recording.breaks else []
-    facts += [recording.file.name] if recording.file else []
+    facts += [recording.file.name] if recording.file and not recording.joined_from else []
+    facts += [member.name for member in recording.joined_from]
     units = {key: need.unit for key, need in _needs(card).items()}
     columns = [
         _column_row(key, values, units.get(key, ""), card.noise.get(key))
@@ -118,27 +170,6 @@ def _column_row(key: str, values: Series, unit: str, noise: float | None) -> tup
     missing = len(values) - len(finite)
     told = "" if noise is None else quantity(noise, unit)
     return words(key), *shown, told, str(missing) if missing else "", Sparkline(values)
-
-
-def joined(recordings: Sequence[Recording], name: str) -> Recording:
-    """Runs of one bench under one card, one after the other, as one recording with breaks.
-
-    Raises:
-        ValueError: no recording, or sampling steps that differ by more than 1 %.
-    """
-    if not recordings:
-        raise ValueError("expected at least one recording to join")
-    first, rows = recordings[0], np.cumsum([len(recording) for recording in recordings])
-    if any(abs(recording.step - first.step) > 0.01 * first.step for recording in recordings):
-        raise ValueError(f"expected one sampling step; got {[recording.step for recording in recordings]}")
-    inner = [row + b for r, row in zip(recordings, [0, *rows[:-1]], strict=True) for b in r.breaks]
-    return dataclasses.replace(
-        first,
-        name=name,
-        time=first.time[0] + first.step * np.arange(rows[-1]),
-        columns={q: np.concatenate([r.columns[q] for r in recordings]) for q in first.columns},
-        breaks=tuple(sorted({*map(int, inner), *map(int, rows[:-1])})),
-    )
 
 
 def recording(

@@ -56,6 +56,8 @@ def _few_stretches(diagnosis: Diagnosis) -> list[str]:
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
     """Parameters of an effect other than its strength of which the data say nothing."""
+    if effect.is_constant:
+        return []
     strength = diagnosis.model.effects[effect.name].strength
     return [
         f"The {words(name)} of {words(effect.name)} is not determined by this recording "

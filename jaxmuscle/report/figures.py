@@ -4,23 +4,31 @@ parameters.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from jaxmuscle.diagnosis.diagnosis_data import Reveal, Round, Series
 from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.effects.base import LOG_TIME, LOOP
 from jaxmuscle.figure_style import AFTER, BEFORE, INK, MUTED, figure
 from jaxmuscle.formatting import parameter_words, percent, printed_unit, words
+from jaxmuscle.parameter_names import CONSTANT
 
 POINTS, BINS, SHOWN = 1500, 24, 8
 """Points of a scatter; bins of its median; candidates of a ranking that are drawn."""
+ACROSS, MOVING = 5, 0.1
+"""Samples to either side that tell whether a variable rises; part of its fast changes that is none."""
 
 
 def reveal_figure(reveal: Reveal) -> Figure:
     """What is missing against the variable that reveals it, without the effect and with it."""
-    without, whole = (f"{word} {words(reveal.effect or '')}" for word in ("without", "with"))
+    without, whole = titles(reveal.effect or "")
     size_x, unit_x = printed_unit(reveal.variable_unit, float(np.nanpercentile(np.abs(reveal.x), 95)))
     size_y, unit_y = printed_unit(reveal.unit, float(np.nanstd(reveal.before)))
     drawing = figure(3.4)
@@ -28,15 +36,32 @@ def reveal_figure(reveal: Reveal) -> Figure:
     series = [(without, BEFORE, reveal.before), (whole, AFTER, reveal.after)][: len(panels)]
     for axes, (title, colour, values) in zip(panels, series, strict=True):
         axes.axhline(0, color="#c3c8d0", linewidth=1)
-        _cloud(axes, reveal.x / size_x, values / size_y, colour)
+        x, y = reveal.x / size_x, values / size_y
+        if reveal.view == LOOP:
+            _loop(axes, x, y, colour)
+        elif reveal.view == LOG_TIME:
+            axes.set_xscale("log")
+            _cloud(axes, x, y, colour, equal_widths=True)
+        else:
+            _cloud(axes, x, y, colour)
         axes.set_xlabel(f"{words(reveal.variable)} [{unit_x}]" if unit_x else words(reveal.variable))
         if reveal.effect:
             axes.set_title(title, fontweight="bold", color=AFTER if title == whole else MUTED)
     # A few samples far out would leave no room for all others.
-    panels[0].set_xlim(*_inner(reveal.x / size_x, 0.3))
+    if reveal.view != LOG_TIME:
+        panels[0].set_xlim(*_inner(reveal.x / size_x, 0.3))
     panels[0].set_ylim(*_inner(reveal.before / size_y, 3.0))
-    panels[0].set_ylabel(f"missing in {words(reveal.signal)} [{unit_y}]")
+    change = "change of what is missing" if reveal.view == LOG_TIME else "missing"
+    panels[0].set_ylabel(f"{change} in {words(reveal.signal)} [{unit_y}]")
     return drawing
+
+
+def titles(effect: str) -> tuple[str, str]:
+    """What the models without an effect and with it are called; with a constant, by whose value they have."""
+    if effect.startswith(CONSTANT):
+        own = words(effect.removeprefix(CONSTANT))
+        return f"{own} of the card", f"{own} as found"
+    return f"without {words(effect)}", f"with {words(effect)}"
 
 
 def _inner(values: Series, percent: float) -> tuple[float | None, float | None]:
@@ -46,16 +71,60 @@ def _inner(values: Series, percent: float) -> tuple[float | None, float | None]:
     return (low - margin, high + margin) if margin > 0 else (None, None)
 
 
-def _cloud(axes: Axes, x: Series, y: Series, colour: str) -> None:
+def _cloud(axes: Axes, x: Series, y: Series, colour: str, *, equal_widths: bool = False) -> None:
+    """Samples, and the median of bins: of equal counts, or of equal widths on a logarithmic axis."""
     finite = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     x, y = x[finite], y[finite]
+    _points(axes, x, y, colour)
+    if equal_widths:
+        edges = np.geomspace(x.min(), x.max() * (1 + 1e-9), BINS + 1)
+        bins = [np.flatnonzero((x >= low) & (x < high)) for low, high in itertools.pairwise(edges)]
+    else:
+        # As much data behind each dot of the median.
+        bins = np.array_split(np.argsort(x), BINS)
+    _medians(axes, x, y, bins, "o-", INK)
+
+
+def _points(axes: Axes, x: Series, y: Series, colour: str) -> None:
     some = np.random.default_rng(0).permutation(len(x))[:POINTS]
     axes.plot(x[some], y[some], ".", markersize=3, color=colour, alpha=0.35, markeredgewidth=0)
-    # Bins of equal counts: as much data behind each dot of the median.
-    bins = [rows for rows in np.array_split(np.argsort(x), BINS) if len(rows)]
-    middle = [np.median(x[rows]) for rows in bins]
-    median = [np.median(y[rows]) for rows in bins]
-    axes.plot(middle, median, "o-", color=INK, linewidth=1.4, markersize=3.6)
+
+
+def _medians(
+    axes: Axes,
+    x: Series,
+    y: Series,
+    bins: Sequence[NDArray[np.int64]],
+    marks: str,
+    colour: str,
+    label: str = "",
+) -> None:
+    filled = [rows for rows in bins if len(rows)]
+    middle = [np.median(x[rows]) for rows in filled]
+    median = [np.median(y[rows]) for rows in filled]
+    axes.plot(middle, median, marks, color=colour, linewidth=1.4, markersize=3.6, label=label or None)
+
+
+def _loop(axes: Axes, x: Series, y: Series, colour: str) -> None:
+    """Samples, and the medians while x rises and while it falls: apart where there is a loop."""
+    ways = directions(x)
+    finite = np.isfinite(x) & np.isfinite(y)
+    _points(axes, x[finite], y[finite], colour)
+    for way, marks, looks, label in ((1, ">-", INK, "rising"), (-1, "<-", "#3b6ea5", "falling")):
+        rows = np.flatnonzero(finite & (ways == way))
+        if len(rows):
+            order = np.array_split(rows[np.argsort(x[rows])], BINS)
+            _medians(axes, x, y, order, marks, looks, label)
+    axes.legend(loc="best", title=None)
+
+
+def directions(x: Series) -> NDArray[np.int64]:
+    """1 where x rises, -1 where it falls, 0 where it hardly moves, by differences across some samples."""
+    change = np.zeros_like(x)
+    change[ACROSS:-ACROSS] = x[2 * ACROSS :] - x[: -2 * ACROSS]
+    change = np.nan_to_num(change)
+    fast = float(np.quantile(np.abs(change), 0.95))
+    return np.where(np.abs(change) > MOVING * fast, np.sign(change), 0).astype(np.int64)
 
 
 def ranking_figure(search: Round) -> Figure:

@@ -14,6 +14,7 @@ import jaxmuscle
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.trace_figure import trace_caption, trace_figure
+from jaxmuscle.effects.base import LOG_TIME, LOOP
 from jaxmuscle.figure_style import styled, svg_uri
 from jaxmuscle.html_template import template
 from jaxmuscle.report import tables
@@ -23,6 +24,7 @@ from jaxmuscle.report.figures import (
     ranking_figure,
     reveal_figure,
     strongest_correlation,
+    titles,
 )
 from jaxmuscle.report.live_traces import live_traces
 from jaxmuscle.report.sentence import indistinguishable, sentence, telling_column
@@ -96,6 +98,14 @@ def _traces(diagnosis: Diagnosis, columns: list[str]) -> list[Picture]:
     return [Picture(svg_uri(trace_figure(diagnosis, c)), trace_caption(diagnosis, c)) for c in columns]
 
 
+LINE = "Line: median of bins with equally many samples."
+LINES = {
+    LOOP: "Lines: medians while it rises and while it falls; between them lies the loop.",
+    LOG_TIME: "Every hold begins at zero and is drawn in one direction, over logarithmic time. Line: median.",
+}
+"""How what is missing is drawn → what its lines are."""
+
+
 def _reveal(diagnosis: Diagnosis) -> Picture | None:
     reveal = diagnosis.reveal
     if reveal is None:
@@ -103,10 +113,8 @@ def _reveal(diagnosis: Diagnosis) -> Picture | None:
     signal, variable = formatting.words(reveal.signal), formatting.words(reveal.variable)
     seen = f"What the model lacks in {signal}, against {variable}"
     if reveal.effect:
-        seen += f": the final model with {formatting.words(reveal.effect)} taken out of it, and whole"
-    caption = (
-        f"{seen}. A model that lacks nothing lies on zero. Line: median of bins with equally many samples."
-    )
+        seen += f": the final model {' and '.join(titles(reveal.effect))}"
+    caption = f"{seen}. A model that lacks nothing lies on zero. {LINES.get(reveal.view, LINE)}"
     return Picture(svg_uri(reveal_figure(reveal)), caption)
 
 

@@ -27,6 +27,7 @@ from jaxmuscle.report.page import page
 def result(diagnosis: Diagnosis) -> dict[str, Any]:
     """The outcome as plain data for JSON; a number that is not finite becomes `None`."""
     recording = diagnosis.recording
+    several = bool(recording.joined_from)
     return _finite(
         {
             "verdict": diagnosis.verdict,
@@ -57,21 +58,38 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             ],
             "parameters": _estimates(diagnosis.parameters),
             "recording": {
-                "file": recording.name if recording.file is None else recording.file.name,
-                "sha256": recording.sha256,
+                "file": recording.name if recording.file is None or several else recording.file.name,
+                "sha256": None if several else recording.sha256,
                 "rig": recording.card.rig,
                 "rows": len(recording),
             },
+            **({"recordings": _members(diagnosis)} if recording.joined_from else {}),
             "jaxmuscle": jaxmuscle.__version__,
             "seconds": diagnosis.seconds,
         }
     )
 
 
+def _members(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Each of several recordings: its table, how many rows it has and how many of them are held out."""
+    return [
+        {
+            "name": member.name,
+            "file": member.name if member.file is None else member.file.name,
+            "sha256": member.sha256,
+            "rows": member.rows,
+            "held_out_rows": int(diagnosis.traces.held_out[rows].sum()),
+        }
+        for member in diagnosis.recording.joined_from
+        for rows in (slice(member.first, member.first + member.rows),)
+    ]
+
+
 def _effect(effect: FoundEffect) -> dict[str, Any]:
     return {
         "name": effect.kind,
         **({"column": effect.column} if effect.column else {}),
+        **({"on_the_card": effect.declared} if effect.is_constant else {}),
         "signal": effect.signal,
         "parameters": _estimates(effect.parameters),
         "evidence": {"held_out_gain": effect.gain, "p_value": effect.p_value, "test": effect.test},
@@ -155,7 +173,9 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
         elif effect in found:
             effects.setdefault(str(effect), {})[name] = (float(entry.value), None)
     fitted = {
-        effect_path(e.name, name): value for e in diagnosis.added for name, value in e.parameters.items()
+        name if e.is_constant else effect_path(e.name, name): value
+        for e in diagnosis.added
+        for name, value in e.parameters.items()
     }
     for path, estimate in {**fitted, **diagnosis.parameters}.items():
         effect, name = split_effect(path)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.diagnosis_data import Error, FoundEffect
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.diagnosis.verdict import surprise
 from jaxmuscle.formatting import capital, listed, parameter_words, words
+from jaxmuscle.report.tables import shown_estimate
 
 NO_BETTER = 0.98
 """An error that falls by less than this factor has not fallen."""
@@ -51,7 +55,11 @@ def indistinguishable(diagnosis: Diagnosis) -> list[str]:
 
 
 def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:
-    """An added effect with the value of its strength: ``load friction, 16.2 ± 0.4 N``."""
+    """An added effect with the value of its strength: ``load friction, 16.2 ± 0.4 N``; of a constant what
+    it is and what the card says: ``a braid angle of 26.4 ± 0.1 deg and not 22 deg as on the card``.
+    """
+    if effect.declared is not None:
+        return _constant_phrase(diagnosis, effect, effect.declared)
     model = diagnosis.model.effects[effect.name]
     estimate = effect.parameters.get(model.strength)
     if estimate is None:
@@ -65,6 +73,15 @@ def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:
     )
 
 
+def _constant_phrase(diagnosis: Diagnosis, effect: FoundEffect, declared: float) -> str:
+    ((name, estimate),) = effect.parameters.items()
+    card = diagnosis.recording.card
+    before = dataclasses.replace(estimate, value=declared, std=math.nan)
+    article = "an" if name[0] in "aeiou" else "a"
+    values = (shown_estimate(card, name, each) for each in (estimate, before))
+    return f"{article} {words(name)} of {' and not '.join(values)} as on the card"
+
+
 def _found(diagnosis: Diagnosis) -> str:
     column = telling_column(diagnosis)
     shown = shown_column(diagnosis, column)
@@ -75,7 +92,16 @@ def _found(diagnosis: Diagnosis) -> str:
     change = f"{verb} from {shown.error(before.rmse)} to {shown.error(after.rmse)}"
     if after.in_noise > FAR:
         change += f", still {formatting.rounded(after.in_noise)} times the sensor noise,"
-    return f"{capital(words(column))} error on unseen data {change} after adding {_added(diagnosis)}{doubt}."
+    return f"{capital(words(column))} error on unseen data {change} {_change(diagnosis)}{doubt}."
+
+
+def _change(diagnosis: Diagnosis) -> str:
+    """What makes the declared model the one that was found."""
+    constants = [effect_phrase(diagnosis, effect) for effect in diagnosis.added if effect.is_constant]
+    effects = [effect_phrase(diagnosis, effect) for effect in diagnosis.added if not effect.is_constant]
+    parts = [f"with {listed(constants)}"] if constants else []
+    parts += [f"after adding {listed(effects)}"] if effects else []
+    return ", ".join(parts)
 
 
 def _complete(diagnosis: Diagnosis) -> str:

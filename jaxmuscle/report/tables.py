@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, Round
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, FoundEffect, Round
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
@@ -71,12 +72,26 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "meaning": meaning(effect.meaning),
             "source": effect.source,
             "evidence": f"{formatting.percent(effect.gain)} ({formatting.probability(effect.p_value)})",
-            "parameters": [
-                (words(name), formatting.estimate(e.value, e.std, e.unit), e.meaning)
-                for name, e in effect.parameters.items()
-            ],
+            "constant": effect.is_constant,
+            "parameters": _parameters(diagnosis, effect),
         }
         for effect in diagnosis.added
+    ]
+
+
+def _parameters(diagnosis: Diagnosis, effect: FoundEffect) -> list[tuple[str, str, str]]:
+    """Name, value and meaning of each parameter; a constant beside what the card says of it."""
+    if effect.declared is None:
+        return [
+            (words(name), formatting.estimate(e.value, e.std, e.unit), e.meaning)
+            for name, e in effect.parameters.items()
+        ]
+    ((name, estimate),) = effect.parameters.items()
+    card, std = diagnosis.recording.card, math.nan if effect.declared_std is None else effect.declared_std
+    declared = dataclasses.replace(estimate, value=effect.declared, std=std)
+    return [
+        (words(name), shown_estimate(card, name, estimate), estimate.meaning),
+        ("on the card", shown_estimate(card, name, declared), ""),
     ]
 
 

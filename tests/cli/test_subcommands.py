@@ -87,7 +87,7 @@ def test_rows_can_be_ignored_and_held_out(
     run: Run, asked: list[Recording], settings: list[dict[str, Any]]
 ) -> None:
     assert run("diagnose").exit_code == 0
-    assert settings[0] == {"held_out": 0.3, "ignored": None}
+    assert settings[0] == {"held_out": None, "ignored": None, "further": []}
     spans = ("--held-out", "10:", "--ignore", "0.5:1", "--ignore", "2:2.5")
     assert run("diagnose", sample("lift"), *spans).exit_code == 0
     time = asked[1].time
@@ -161,3 +161,63 @@ def test_version(run: Run) -> None:
     outcome = run("--version")
     assert outcome.exit_code == 0
     assert outcome.stdout == f"jaxmuscle {jaxmuscle.__version__}\n"
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> tuple[Path, Path]:
+    """Two tables of one bench, with a card each; the clock of the second one begins at 3 s."""
+    lines = sample("lift").read_text(encoding="utf-8").splitlines(keepends=True)
+    card = sample("lift").with_suffix(".toml").read_text(encoding="utf-8")
+    files = tmp_path / "first.csv", tmp_path / "second.csv"
+    for file, rows in zip(files, (lines[1:1501], lines[1501:3501]), strict=True):
+        file.write_text("".join([lines[0], *rows]), encoding="utf-8")
+        file.with_suffix(".toml").write_text(card, encoding="utf-8")
+    return files
+
+
+def test_several_recordings_of_one_bench(
+    run: Run, runs: tuple[Path, Path], asked: list[Recording], settings: list[dict[str, Any]]
+) -> None:
+    outcome = run(
+        "diagnose", *runs, "--ignore", "second:3:3.5", "--held-out", "first:2:", "--held-out", "second"
+    )
+    assert outcome.exit_code == 0, outcome.stderr
+    (whole,), (how,) = asked, settings
+    assert [(each.name, each.first, each.rows) for each in whole.members] == [
+        ("first", 0, 1500),
+        ("second", 1500, 2000),
+    ]
+    assert whole.breaks == (1500,)
+    assert how["ignored"].sum() == 251 and how["ignored"][1500:1751].all()
+    assert how["held_out"].sum() == 500 + 2000 and how["held_out"][1000:].all()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--ignore", "3:3.5"), "expected NAME:FROM:TO"),
+        (("--held-out", "third"), "expected a fraction"),
+        (("--held-out", "0.2", "--held-out", "second"), "one fraction, or spans only"),
+        (("--held-out", "second:0:1"), "no row of 'second' lies there"),
+        (("--card", "first.toml", "--card", "second.toml", "--card", "first.toml"), "one for each; got 3"),
+    ],
+)
+def test_options_that_several_recordings_do_not_take(
+    run: Run, runs: tuple[Path, Path], asked: list[Recording], options: tuple[str, ...], told: str
+) -> None:
+    outcome = run("diagnose", *runs, *options)
+    assert outcome.exit_code == 2 and told in outcome.stderr and asked == []
+
+
+def test_one_card_for_all(run: Run, runs: tuple[Path, Path], asked: list[Recording]) -> None:
+    runs[1].with_suffix(".toml").unlink()
+    assert run("diagnose", *runs, "--card", "first.toml").exit_code == 0
+    assert len(asked[0]) == 3500
+
+
+def test_cards_that_say_different_things(run: Run, runs: tuple[Path, Path]) -> None:
+    card = runs[1].with_suffix(".toml")
+    card.write_text(card.read_text(encoding="utf-8").replace("value = 8,", "value = 9,"), encoding="utf-8")
+    outcome = run("diagnose", *runs)
+    assert outcome.exit_code == 2
+    assert "differ in [known] mass" in outcome.stderr and "jaxmuscle fit" in outcome.stderr

@@ -17,7 +17,7 @@ from jaxmuscle.diagnosis.excitation import (
 )
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.estimation.windows import case
-from jaxmuscle.recordings.recording import joined
+from jaxmuscle.recordings.joining import joined
 
 NOISE = 0.3
 """Of the force [N]."""

@@ -12,7 +12,7 @@ from oracles.recorded import STDS, THREAD_STDS, driven_card, driven_recording
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import read
-from jaxmuscle.recordings.recording import joined
+from jaxmuscle.recordings.joining import joined
 from jaxmuscle.samples import sample
 
 

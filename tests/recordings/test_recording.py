@@ -11,7 +11,8 @@ import jaxmuscle as jm
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import actuator_from_card, read
-from jaxmuscle.recordings.recording import Recording, joined
+from jaxmuscle.recordings.joining import joined
+from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.samples import sample
 from jaxmuscle.simulation.simulate import simulate
 

@@ -18,6 +18,7 @@ from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.effects import BY_NAME, register
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, actuator_from_card
+from jaxmuscle.recordings.joining import joined
 from jaxmuscle.report import report_files as module
 from jaxmuscle.report.page import page
 from jaxmuscle.report.report_files import fitted_card, result, write
@@ -215,3 +216,43 @@ def test_what_is_not_confirmed_is_no_effect_of_the_result_and_told_in_the_card()
     assert outcome["effects"] == [] and [e["name"] for e in outcome["unconfirmed"]] == ["load_friction"]
     assert outcome["violated_priors"] == [{"name": "end_factor", "standard_deviations": 4.2}]
     assert "load friction: not confirmed" in fitted_card(contradicted).description
+
+
+def test_several_recordings_are_named_each() -> None:
+    outcome = diagnosis("effects found")
+    whole = outcome.recording
+    second = dataclasses.replace(
+        whole.part(2500, None), name="b", file=Path("far", "b.csv"), sha256="abc", breaks=()
+    )
+    both = joined([whole.part(0, 2500), second], "lift + b")
+    said = result(dataclasses.replace(outcome, recording=both))
+    held_out = outcome.traces.held_out
+    assert said["recordings"] == [
+        {
+            "name": "lift",
+            "file": "lift.csv",
+            "sha256": whole.sha256,
+            "rows": 2500,
+            "held_out_rows": int(held_out[:2500].sum()),
+        },
+        {
+            "name": "b",
+            "file": "b.csv",
+            "sha256": "abc",
+            "rows": 3500,
+            "held_out_rows": int(held_out[2500:].sum()),
+        },
+    ]
+    assert (said["recording"]["file"], said["recording"]["sha256"]) == ("lift + b", None)
+    assert "recordings" not in result(outcome)
+    text = page(dataclasses.replace(outcome, recording=both))
+    assert f"b: b.csv, 3500 rows at 500 Hz, {int(held_out[2500:].sum())} of them held out" in text
+    assert "on the time axis from 5 s" in text and "abc" in text
+
+
+def test_a_loaded_diagnosis_of_several_recordings_names_them(tmp_path: Path) -> None:
+    outcome = diagnosis("complete")
+    both = joined([outcome.recording.part(0, 2500), outcome.recording.part(2500, None)], "both")
+    saved = dataclasses.replace(outcome, recording=both).save(tmp_path / "saved.json")
+    again = Diagnosis.load(saved).recording
+    assert again.joined_from == both.joined_from and again.breaks == both.breaks == (2500,)

@@ -1,0 +1,128 @@
+"""Rows that a card names: ignored, held out, breaks."""
+
+import dataclasses
+import tomllib
+
+import numpy as np
+import pytest
+
+import jaxmuscle as jm
+from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.windows import case
+from jaxmuscle.recordings.joining import distinct, joined, of_one_bench
+
+ROWS = """
+[ignore]
+slack = { from = 1, to = 2000, unit = "ms" }
+saturated = { from = 4, to = 5, unit = "s", column = "pressure" }
+
+[held_out]
+last = { from = 9, unit = "s" }
+first = { to = 0.5, unit = "s" }
+
+[breaks]
+second_run = { at = 6, unit = "s" }
+"""
+TEXT = jm.sample("lift").with_suffix(".toml").read_text(encoding="utf-8")
+
+
+def card(rows=ROWS):
+    return jm.Card.from_toml(TEXT + rows)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return jm.read(jm.sample("lift"), card(ROWS.replace("from = 1,", "from = 1000,")))
+
+
+def test_rows_are_those_of_the_clock(recording):
+    time = recording.time
+    slack, saturated = (time >= 1) & (time <= 2), (time >= 4) & (time <= 5)
+    np.testing.assert_array_equal(recording.ignored["position"], slack)
+    np.testing.assert_array_equal(recording.ignored["pressure"], slack | saturated)
+    np.testing.assert_array_equal(recording.held_out, (time >= 9) | (time <= 0.5))
+    assert recording.breaks == (3000,)
+    assert "command" not in recording.ignored
+
+
+def test_what_the_card_ignores_counts_in_no_fit_and_no_diagnosis(recording):
+    prepared = case(recording, 0.3)
+    for column, rows in recording.ignored.items():
+        assert not prepared.usable[column][rows].any() and prepared.usable[column][~rows].all()
+    starts = prepared.windows.rows
+    assert 3000 in starts, "a new run begins a window"
+
+
+def test_written_cards_say_the_same():
+    given = card()
+    assert jm.Card.from_toml(given.to_toml()) == given
+    bare = dataclasses.replace(given, text=None)
+    assert jm.Card.parse(tomllib.loads(bare.to_toml())) == bare
+    assert 'slack = { from = 1, to = 2000, unit = "ms" }' in bare.to_toml()
+    assert 'second_run = { at = 6, unit = "s" }' in bare.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("[ignore]\na = { from = 3, to = 2, unit = 's' }", "ends after it begins"),
+        ("[ignore]\na = { from = 3, unit = 'mm' }", "a time"),
+        ("[ignore]\na = { from = 3 }", "expected a unit"),
+        ("[ignore]\na = { from = 'x', unit = 's' }", "expected a finite number"),
+        ("[ignore]\na = 3", "expected { from"),
+        ("[ignore]\na = { from = 3, unit = 's', column = 'presure' }", "did you mean 'pressure'"),
+        ("[ignore]\na = { from = 3, unit = 's', column = 'command' }", "unknown column 'command'"),
+        ("[ignore]\n'a b' = { from = 3, unit = 's' }", "name of letters"),
+        ("[held_out]\na = { from = 3, unit = 's', column = 'pressure' }", "unknown key 'column'"),
+        ("[breaks]\na = { from = 3, unit = 's' }", "unknown key 'from'"),
+    ],
+)
+def test_entries_that_are_none(rows, told):
+    with pytest.raises(InputError) as error:
+        card(rows)
+    assert told in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("[ignore]\na = { from = 300, unit = 's' }", "[ignore] a: no row lies there; the clock runs from"),
+        ("[held_out]\na = { to = -1, unit = 's' }", "[held_out] a: no row lies there"),
+        ("[breaks]\na = { at = 0, unit = 's' }", "[breaks] a: expected a time after the first row"),
+        ("[breaks]\na = { at = 13, unit = 's' }", "[breaks] a: expected a time after the first row"),
+    ],
+)
+def test_rows_that_are_not_there(rows, told):
+    with pytest.raises(InputError) as error:
+        jm.read(jm.sample("lift"), card(rows))
+    assert told in str(error.value)
+
+
+def test_joined_recordings_keep_what_their_cards_say(recording):
+    plain = jm.read(jm.sample("lift"))
+    whole = joined([plain.part(0, 1000), recording.part(500, 2500)], "both")
+    assert not whole.ignored["position"][:1000].any()
+    np.testing.assert_array_equal(whole.ignored["position"][1000:], recording.ignored["position"][500:2500])
+    assert whole.held_out is not None
+    assert not whole.held_out[:1000].any()
+    names = [(each.name, each.first, each.rows, each.begin) for each in whole.members]
+    assert names == [("lift", 0, 1000, 0.0), ("lift-2", 1000, 2000, pytest.approx(1.0))]
+    part = whole.part(900, 1500)
+    assert [(each.first, each.rows) for each in part.members] == [(0, 100), (100, 500)]
+    assert part.members[0].begin == pytest.approx(1.8)
+
+
+def test_names_are_distinct():
+    assert distinct(["a-2", "a", "a"]) == ["a-2", "a", "a-3"]
+
+
+def test_recordings_of_different_benches(recording):
+    with pytest.raises(InputError, match="at least one"):
+        of_one_bench([])
+    slow = dataclasses.replace(recording, step=0.004)
+    with pytest.raises(InputError, match=r"one sampling step; got lift 0.002 s, lift-2 0.004 s"):
+        of_one_bench([recording, slow])
+    assert of_one_bench([recording]) is recording
+    heavier = recording.card.updated(values={"mass": (9.0, None)})
+    with pytest.raises(InputError, match=r"differ in \[known\] mass"):
+        of_one_bench([recording, dataclasses.replace(recording, card=heavier)])
