@@ -5,7 +5,6 @@ share few compilations, and how they are fitted.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -265,12 +264,13 @@ class Workbench:
         outweigh. Weights and fit are found by turns, from the weights of `model`.
         """
         factors = _factors(self.discrepancies(model, problem))
-        for turn in itertools.count(1):
+        fits = 0
+        while True:
             model, lane = self.fit(model, effects, problem, steps, slow, factors)
-            left = self.discrepancies(model, problem)
+            fits, left = fits + 1, self.discrepancies(model, problem)
             before, factors = factors, _factors(left)
             alike = (np.abs(np.log(before[out]) - np.log(factors[out])) <= ALIKE for out in factors)
-            if turn == REWEIGHTINGS or all(each.all() for each in alike):
+            if fits == REWEIGHTINGS or all(each.all() for each in alike):
                 break
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
