@@ -55,7 +55,7 @@ def init(
     """
     with faults(debug):
         from jaxmuscle.actuators import RIGS, rig_named
-        from jaxmuscle.files import atomic_write
+        from jaxmuscle.files import atomic_write, check_place
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
         from jaxmuscle.recordings.readers import table_name
@@ -69,16 +69,17 @@ def init(
         card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
         if card.exists() and not force:
             raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
+        check_place(card, "--out")
         _check_picture(picture)
         table, _ = table_in_file(recording)
         kind = _rig_of(table, rig, RIGS)
         draft = draft_card(table, kind, settings or [])
         if sys.stdin.isatty():
             draft = _asked(draft)
-        if picture is not None:
-            draw_columns(table, draft.specs, picture)
-        with atomic_write(card) as (file,):
+        with atomic_write(card, *([] if picture is None else [picture])) as (file, *pictures):
             file.write_text(draft.to_toml(recording.name), encoding="utf-8")
+            for unfinished in pictures:
+                draw_columns(table, draft.specs, unfinished)
     _print_draft(draft, card)
 
 
