@@ -137,7 +137,10 @@ def test_a_block_within_a_block_writes_where_the_outer_one_says(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "told"),
-    [("absent/file", "there is no folder '.*absent'; make it"), ("folder", "expected a file; it is a folder")],
+    [
+        ("absent/file", "there is no folder '.*absent'; make it"),
+        ("folder", "expected a file; it is a folder"),
+    ],
 )
 def test_places_are_looked_at_before_the_work(tmp_path, name, told):
     (tmp_path / "folder").mkdir()

@@ -206,6 +206,14 @@ def check(
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
     ] = False,
+    stretch: Annotated[
+        str | None,
+        typer.Option(
+            help="Rows to take, FROM:TO in seconds of the recording's clock, or all; of a long recording the "
+            "stretch that moves most when not given."
+        ),
+    ] = None,
+    every: Annotated[int | None, typer.Option(help="Take one of so many samples.")] = None,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Say everything that is wrong with a card and its table, and how they were understood.
@@ -214,11 +222,12 @@ def check(
     """
     with faults(debug):
         import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+        from jaxmuscle.recordings.row_selection import rows_of
         from jaxmuscle.recordings.survey import survey
         from jaxmuscle.report.columns_figure import draw_columns
 
         _check_picture(picture)
-        found = survey(card, recording, resample=resample)
+        found = survey(card, recording, resample=resample, asked=rows_of(stretch, every))
         _print_survey(found)
         if picture is not None and found.table is not None and found.card is not None:
             draw_columns(found.table, found.card.columns, picture)
@@ -257,6 +266,8 @@ def _print_survey(found: Survey) -> None:
         )
     for name, count in found.gaps.items():
         typer.echo(f"{name}: {count} samples lie in gaps of its own clock and count for nothing")
+    if found.left_out:
+        typer.echo(f"\n{found.left_out}")
     if found.card is not None:
         _print_quantities(found.card, console.print)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -17,6 +18,7 @@ from jaxmuscle.progress import interruptible
 if TYPE_CHECKING:
     from jaxmuscle.diagnosis.result import Diagnosis
     from jaxmuscle.estimation import FitResult
+    from jaxmuscle.recordings import Recording
 
 
 def diagnose(
@@ -50,6 +52,14 @@ def diagnose(
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
     ] = False,
+    stretch: Annotated[
+        str | None,
+        typer.Option(
+            help="Rows to take, FROM:TO in seconds of the recording's clock, or all; of a long recording the "
+            "stretch that moves most when not given."
+        ),
+    ] = None,
+    every: Annotated[int | None, typer.Option(help="Take one of so many samples.")] = None,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Find what the declared model lacks, fit it, and report.
@@ -60,7 +70,6 @@ def diagnose(
         tell("loading")
         configure(compile_cache=True)
         from jaxmuscle.diagnosis import diagnose as run
-        from jaxmuscle.recordings import read
         from jaxmuscle.recordings.readers import table_name
         from jaxmuscle.recordings.spans import fraction, rows_within
         from jaxmuscle.report.report_files import writable_folder, write
@@ -71,13 +80,26 @@ def diagnose(
         # Better now than after a minute of work.
         writable_folder(folder)
         tell(f"reading {file.name}" + (", the sample that comes with jaxmuscle" if recording is None else ""))
-        given = read(file, card, resample=resample)
+        given = taken(file, card, resample=resample, stretch=stretch, every=every)
         kept = rows_within(given, [held_out], "--held-out") if ":" in held_out else fraction(held_out)
         ignored = rows_within(given, ignore, "--ignore") if ignore else None
         found = run(given, held_out=kept, ignored=ignored, progress=tell)
         tell("writing the results")
         files = write(found, folder, report=report)
     _print_outcome(found, files)
+
+
+def taken(file: Path, card: Path | None, **rows: Any) -> Recording:
+    """The recording in a file; what was not taken of it is told."""
+    from jaxmuscle.recordings import read
+    from jaxmuscle.recordings.row_selection import LongRecording
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LongRecording)
+        found = read(file, card, **rows)
+    if found.left_out:
+        typer.echo(f"jaxmuscle: {found.left_out}", err=True)
+    return found
 
 
 def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
@@ -130,6 +152,14 @@ def fit(
     resample: Annotated[
         bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
     ] = False,
+    stretch: Annotated[
+        str | None,
+        typer.Option(
+            help="Rows to take, FROM:TO in seconds of the recording's clock, or all; of a long recording the "
+            "stretch that moves most when not given."
+        ),
+    ] = None,
+    every: Annotated[int | None, typer.Option(help="Take one of so many samples.")] = None,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Fit what the cards call uncertain to one or more recordings.
@@ -140,7 +170,7 @@ def fit(
         tell("loading")
         configure(compile_cache=True)
         from jaxmuscle.estimation import fit as run
-        from jaxmuscle.recordings import actuator_from_card, read
+        from jaxmuscle.recordings import actuator_from_card
         from jaxmuscle.recordings.readers import table_name
         from jaxmuscle.report.report_files import writable_folder, write_fit
 
@@ -150,7 +180,8 @@ def fit(
         if cards and len(cards) != len(recordings):
             raise InputError(f"expected a --card for each of {len(recordings)} recordings; got {len(cards)}")
         found = [
-            read(file, cards[i] if cards else None, resample=resample) for i, file in enumerate(recordings)
+            taken(file, cards[i] if cards else None, resample=resample, stretch=stretch, every=every)
+            for i, file in enumerate(recordings)
         ]
         asked = {
             "free": free or None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from jaxmuscle.parameters import get
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.plausibility import check_machine
+from jaxmuscle.recordings.row_selection import LongRecording, Rows, rows_of, selected, stretch_of
 from jaxmuscle.recordings.schema import ColumnSpec, Need, Quantity
 from jaxmuscle.units import Series
 
@@ -38,6 +40,7 @@ class Recording:
         columns: quantity as in the card ("command", "pressure_1", …) → samples. The command of a sample
             acts until the next one; sensors are read at the sample.
         breaks: rows at which a new run begins, with everything that is not measured at rest.
+        left_out: which rows were taken and why, a sentence, when they are not all.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Recording:
     step: float
     columns: dict[str, Series] = dataclasses.field(repr=False)
     breaks: tuple[int, ...] = ()
+    left_out: str = ""
 
     def __post_init__(self) -> None:
         """Hold all columns to one length."""
@@ -91,7 +95,7 @@ def _view(recording: Recording) -> View:
         "recording",
         recording.name,
         facts,
-        lead=[card.description] if card.description else [],
+        lead=[text for text in (card.description, recording.left_out) if text],
         tables=[
             Table(
                 "columns (pressures absolute)" if "Pa" in units.values() else "columns",
@@ -151,6 +155,8 @@ def recording(
     breaks: Sequence[int] = (),
     name: str = "recording",
     uncertain: Mapping[str, float] | None = None,
+    stretch: str | Sequence[float] | None = None,
+    every: int | None = None,
 ) -> Recording:
     """What a bench measured, from arrays in SI units (pressures absolute) on a uniform clock.
 
@@ -169,6 +175,8 @@ def recording(
         breaks: rows at which a new run begins, with everything that is not measured at rest.
         name: what results call it.
         uncertain: quantity of the card → standard deviation of what is known of it (SI).
+        stretch, every: which rows to take, as of :func:`jaxmuscle.read`; what is taken of arrays of more
+            than :data:`~jaxmuscle.recordings.row_selection.MOST_ROWS` rows is told by a warning.
 
     Raises:
         InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
@@ -204,7 +212,31 @@ def recording(
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
     ordered = tuple(sorted({int(row) for row in breaks}))
-    return Recording(name, None, None, card, clock, float(step), arrays, ordered)
+    whole = Recording(name, None, None, card, clock, float(step), arrays, ordered)
+    taken = _rows_taken(whole, rig, rows_of(stretch, every))
+    if horizon is not None and not taken.step <= horizon <= len(taken) * taken.step:
+        raise InputError(
+            f"horizon: expected a time from one step, {taken.step:g} s, to all that is taken, "
+            f"{len(taken) * taken.step:g} s; got {horizon:g}. {taken.left_out}"
+        )
+    return taken
+
+
+def _rows_taken(whole: Recording, rig: type[AbstractActuator], asked: Rows) -> Recording:
+    part = stretch_of(whole.time, asked, repr(whole.name))
+    cut = whole.part(part.start, part.stop)
+    found = selected(
+        repr(whole.name), cut.time, cut.columns, asked, held=rig.commands, largest_step=rig.largest_step,
+        breaks=cut.breaks, total=len(whole),
+    )  # fmt: skip
+    if found.unasked:
+        warnings.warn(found.told, LongRecording, stacklevel=3)
+    if not found.told:
+        return whole
+    step = float(found.time[-1] - found.time[0]) / max(len(found.time) - 1, 1)
+    return dataclasses.replace(
+        cut, time=found.time, step=step, columns=found.columns, breaks=found.breaks, left_out=found.told
+    )
 
 
 def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:

@@ -61,6 +61,7 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
                 "sha256": recording.sha256,
                 "rig": recording.card.rig,
                 "rows": len(recording),
+                "left_out": recording.left_out or None,
             },
             "jaxmuscle": jaxmuscle.__version__,
             "seconds": diagnosis.seconds,

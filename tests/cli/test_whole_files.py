@@ -1,4 +1,4 @@
-"""What commands write is there as a whole or not at all: killed, on a full disk, where nothing may be written."""
+"""What commands write is there as a whole or not at all: killed, on a full or a read-only disk."""
 
 import os
 import shutil
@@ -153,7 +153,10 @@ SAID = {
 @pytest.mark.parametrize("disk", DISKS)
 def test_disks_that_take_nothing(folder: Path, disk: str) -> None:
     namespace = ["unshare", "--user", "--map-root-user", "--mount"]
-    if shutil.which("unshare") is None or subprocess.run([*namespace, "true"], capture_output=True).returncode:
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run([*namespace, "true"], capture_output=True).returncode
+    ):
         pytest.skip("needs a system that lets its users mount a disk of their own")
     (folder / "lift.csv").unlink()
     shutil.copytree(folder, f"{folder}.saved")
