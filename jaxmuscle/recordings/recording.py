@@ -184,28 +184,36 @@ def recording(
     """
     rig = type(actuator)
     needs = {key: need for key, need in schema.columns(rig).items() if key != "time"}
-    for where, given in (("columns", columns), ("noise", noise or {})):
-        for key in given:
+    for where, given in (("columns", columns), ("noise", noise or {}), ("uncertain", uncertain or {})):
+        if not isinstance(given, Mapping | pd.DataFrame | xr.Dataset):
+            raise InputError(
+                f"{where}: expected a mapping of names, such as {{'pressure': …}}; got {given!r}"
+            )
+        for key in given if where != "uncertain" else ():
             if key not in needs:
                 raise InputError(f"{where}: unknown column {key!r}{nearest(str(key), needs)}")
     if missing := [key for key in needs if key not in columns]:
         raise InputError(f"columns: {', '.join(missing)} missing; rig {rig.rig!r} has {', '.join(needs)}")
-    arrays = {key: np.asarray(columns[key], dtype=float) for key in needs}
+    arrays = {key: _samples(columns[key], key) for key in needs}
     shapes = {key: values.shape for key, values in arrays.items()}
     if len(set(shapes.values())) > 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"columns: expected one axis of samples, of one length for all; got shapes {shapes}")
     rows = len(next(iter(arrays.values())))
-    if not 0 < step < math.inf:
-        raise InputError(f"step: expected the time between two samples, above zero [s]; got {step}")
+    if rows < 2:
+        raise InputError(f"columns: expected at least two samples; got {rows}")
+    if not 0 < _number(step) < math.inf:
+        raise InputError(f"step: expected the time between two samples, above zero [s]; got {step!r}")
     for key, level in (noise or {}).items():
-        if not 0 < level < math.inf:
-            raise InputError(f"noise[{key!r}]: expected a standard deviation above zero (SI); got {level}")
-    if horizon is not None and not step <= horizon <= rows * step:
+        if not 0 < _number(level) < math.inf:
+            raise InputError(f"noise[{key!r}]: expected a standard deviation above zero (SI); got {level!r}")
+    if horizon is not None and not step <= _number(horizon) <= rows * step:
         raise InputError(
             f"horizon: expected a time from one step, {step:g} s, to the whole recording, {rows * step:g} s; "
-            f"got {horizon:g}"
+            f"got {horizon!r}"
         )
-    if wrong := [row for row in breaks if not 0 < row < rows]:
+    if not isinstance(breaks, Sequence | np.ndarray) or isinstance(breaks, str):
+        raise InputError(f"breaks: expected a list of rows; got {breaks!r}")
+    if wrong := [row for row in breaks if not 0 < _number(row) < rows or int(row) != row]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
     card = _unsure_of(_card(actuator, needs, dict(noise or {}), horizon), uncertain or {})
     if all(np.isfinite(values).any() for values in arrays.values()):
@@ -239,6 +247,23 @@ def _rows_taken(whole: Recording, rig: type[AbstractActuator], asked: Rows) -> R
     )
 
 
+def _number(given: object) -> float:
+    """A number, NaN for what is none: that passes no check."""
+    if isinstance(given, bool | str):
+        return math.nan
+    try:
+        return float(given)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def _samples(given: ArrayLike, name: str) -> Series:
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"columns[{name!r}]: expected an array of numbers; {error}") from error
+
+
 def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
     """The card with standard deviations of some of its known quantities.
 
@@ -246,9 +271,11 @@ def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
     """
     for key, std in uncertain.items():
         if key not in card.known:
-            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
-        if not 0 < std < math.inf:
-            raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
+            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(str(key), card.known)}")
+        if not 0 < _number(std) < math.inf:
+            raise InputError(
+                f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std!r}"
+            )
     unsure = {key: dataclasses.replace(card.known[key], std=float(std)) for key, std in uncertain.items()}
     known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
     return dataclasses.replace(card, known=known, uncertain=unsure)
