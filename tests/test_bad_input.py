@@ -40,15 +40,15 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 TIMES = float(os.environ.get("JAXMUSCLE_CASES", "1"))
 INPUTS = {
-    "cards": 1500,
-    "card texts": 1500,
-    "tables": 1500,
-    "surveys": 400,
-    "recordings": 700,
+    "cards": 500,
+    "card texts": 600,
+    "tables": 600,
+    "surveys": 150,
+    "recordings": 350,
     "options": 900,
-    "names": 900,
-    "gains": 700,
-    "arguments": 600,
+    "names": 1200,
+    "gains": 300,
+    "arguments": 900,
     "files": 300,
 }
 """Kind of input → how many are made."""
