@@ -228,12 +228,10 @@ def _packed(content):
 def _arrays(kind):
     """A file of NumPy's of a small table."""
     buffer = io.BytesIO()
-    table = (
-        np.zeros(8, [("t_s", float), ("x", float)])
-        if kind == ".npy"
-        else {"t_s": np.arange(8.0), "x": np.ones(8)}
-    )
-    np.save(buffer, table) if kind == ".npy" else np.savez(buffer, **table)
+    if kind == ".npy":
+        np.save(buffer, np.zeros(8, [("t_s", float), ("x", float)]))
+    else:
+        np.savez(buffer, t_s=np.arange(8.0), x=np.ones(8))
     return buffer.getvalue()
 
 

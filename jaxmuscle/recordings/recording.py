@@ -257,9 +257,9 @@ def _number(given: object) -> float:
         return math.nan
 
 
-def _samples(given: ArrayLike, name: str) -> Series:
+def _samples(given: object, name: str) -> Series:
     try:
-        return np.asarray(given, dtype=float)
+        return np.asarray(given, dtype=float)  # pyright: ignore[reportArgumentType, reportCallIssue]
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"columns[{name!r}]: expected an array of numbers; {error}") from error
 

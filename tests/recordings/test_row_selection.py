@@ -86,7 +86,7 @@ def test_what_cannot_be_taken_is_told(lift, asked, told):
 
 
 def test_a_thinned_command_keeps_its_mean_and_a_reading_its_sample():
-    time, command = 0.001 * np.arange(10), np.arange(10.0)
+    time, command = 0.001 * np.arange(10, dtype=np.float64), np.arange(10.0)
     reading = command**2
     found = selected("x", time, {"command": command, "angle": reading}, rows_of(None, 3), **HELD)
     np.testing.assert_allclose(found.time, [0, 0.003, 0.006])
@@ -97,7 +97,7 @@ def test_a_thinned_command_keeps_its_mean_and_a_reading_its_sample():
 
 
 def test_runs_are_thinned_apart():
-    time, values = 0.001 * np.arange(10), np.arange(10.0)
+    time, values = 0.001 * np.arange(10, dtype=np.float64), np.arange(10.0)
     found = selected("x", time, {"angle": values}, rows_of(None, 2), breaks=(5,), **HELD)
     np.testing.assert_array_equal(found.columns["angle"], [0, 2, 5, 7])
     assert found.breaks == (2,)
@@ -106,7 +106,7 @@ def test_runs_are_thinned_apart():
 def test_of_a_long_recording_the_stretch_that_moves_is_taken(monkeypatch):
     monkeypatch.setattr(row_selection, "MOST_ROWS", 1000)
     rows = 20_000
-    time = 0.0005 * np.arange(rows)
+    time = 0.0005 * np.arange(rows, dtype=np.float64)
     moving = (time > 6) & (time < 8)
     command = np.where(moving, np.sin(20 * time), 0.0)
     angle = np.where(moving, np.cos(20 * time), np.nan)
@@ -126,7 +126,7 @@ def test_of_a_long_recording_the_stretch_that_moves_is_taken(monkeypatch):
 
 def test_a_slow_rig_is_not_thinned_beyond_the_step_of_its_valves(monkeypatch):
     monkeypatch.setattr(row_selection, "MOST_ROWS", 1000)
-    time = 0.001 * np.arange(100_000)
+    time = 0.001 * np.arange(100_000, dtype=np.float64)
     asked = {"held": (), "largest_step": np.inf}
     found = selected("long", time, {"force": np.sin(time)}, rows_of(None, None), **asked)
     assert found.time[1] - found.time[0] == pytest.approx(0.002)
@@ -192,7 +192,7 @@ def test_a_long_table_is_read_within_a_gibibyte(tmp_path: Path, lift):
     sample = pd.read_csv(lift.table)
     parts = -(-LONG // len(sample))
     table = pd.concat([sample] * parts, ignore_index=True).iloc[:LONG]
-    table["t_s"] = np.round(0.001 * np.arange(LONG), 3)
+    table["t_s"] = np.round(0.001 * np.arange(LONG, dtype=np.float64), 3)
     table.to_csv(lift.table, index=False)
     ended = subprocess.run(
         [sys.executable, "-c", MEASURE, str(lift.table)],
