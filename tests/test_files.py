@@ -155,16 +155,25 @@ def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch)
     begun, go_on = threading.Event(), threading.Event()
 
     def write():
-        with atomic_write(tmp_path / "one.txt") as (one,), atomic_folder(tmp_path / "new", ["a"]) as (two,):
+        places = tmp_path / "one.txt", tmp_path / "new"
+        with (
+            pytest.raises(InputError),
+            atomic_write(places[0]) as (one,),
+            atomic_folder(places[1], "a") as (two,),
+        ):
             one.write_text("half")
             two.write_text("half")
             begun.set()
             go_on.wait(60)
 
-    threading.Thread(target=write, daemon=True).start()
+    thread = threading.Thread(target=write)
+    thread.start()
     assert begun.wait(60)
     assert len(list(tmp_path.iterdir())) == 2
     abandon()
+    assert list(tmp_path.iterdir()) == []
+    go_on.set()
+    thread.join()
     assert list(tmp_path.iterdir()) == []
 
 
