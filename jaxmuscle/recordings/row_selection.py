@@ -14,9 +14,9 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.units import Series
 
 MOST_ROWS = 50_000
-"""Rows of a recording that are taken unless others are asked for, so that a diagnosis stays within 4 GB: one of
-a lift took up to 2.7 GB with 50,000 rows and 2.9 GB with 60,000, and one with 5,000,000 had taken 10.7 GB when
-it was stopped before the end of its first fit (Python 3.13, JAX 0.12)."""
+"""Rows of a recording that are taken unless others are asked for, so that a diagnosis stays within 4 GB: one
+of a lift took up to 2.7 GB with 50,000 rows and 2.9 GB with 60,000, and one with 5,000,000 had taken 10.7 GB
+when it was stopped before the end of its first fit (Python 3.13, JAX 0.12)."""
 SHORTEST_STEP = 2e-3
 """Sampling step up to which a long recording is thinned out before a stretch of it is taken [s]: valves and
 regulators of muscles take some milliseconds at least."""
