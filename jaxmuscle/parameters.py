@@ -19,6 +19,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float
 
+from jaxmuscle.errors import InputError
+
 Scalar = Float[Array, ""]
 
 _REQUIRED = dataclasses.MISSING
@@ -49,7 +51,7 @@ def parameter(
             By unit, ``{"V": 0.1, "Pa": 1e3}``, where that depends on the rig.
     """
     return eqx.field(
-        converter=lambda value: jnp.asarray(value, dtype=float),
+        converter=lambda value: _numbers(value, meaning, unit),
         default=default,
         metadata={
             "unit": unit,
@@ -218,6 +220,15 @@ class _Units(dict[str, str]):
 
     def __missing__(self, key: str) -> str:
         return "{" + key + "}"
+
+
+def _numbers(value: Any, meaning: str, unit: str) -> Any:
+    """An array of floating-point numbers; `InputError` for what is none."""
+    try:
+        return jnp.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        wanted = f"a number or an array of numbers [{unit or '1'}]"
+        raise InputError(f"{meaning}: expected {wanted}; got {type(value).__name__}: {error}") from error
 
 
 def _plain(value: Any) -> Any:

@@ -4,7 +4,9 @@ quantities of a laboratory lie.
 
 from __future__ import annotations
 
+import functools
 import math
+import re
 import tokenize
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -131,11 +133,32 @@ def example_unit(si: str) -> str:
     return KINDS.get(si, ("", si))[1]
 
 
+LONGEST_UNIT = 60
+"""Characters of a unit, far beyond any that is in use."""
+POWER = re.compile(r"(\*\*|\^)(?!\s*\(?\s*[+-]?\d(\.\d{1,3})?(?![\d.])\s*\)?\s*(?!\s*(\*\*|\^)))")
+"""A power whose exponent is no number of one digit. Pint computes what is written, however long that takes:
+``2**2**2**99`` has no end."""
+OF_NUMBER = re.compile(r"(?<![A-Za-z_\d.])[\d.]+\s*(\*\*|\^|[²³¹⁰⁴-⁹⁻])|[²³¹⁰⁴-⁹]{2}")
+"""A power of a number, or one with an exponent of several raised digits."""
+POWERS = re.compile(r"\*\*|\^")
+MOST_POWERS = 6
+
+
+def _is_harmless(unit: str) -> bool:
+    """Whether pint reads a text at once, as it does everything that may be a unit."""
+    if len(unit) > LONGEST_UNIT or len(POWERS.findall(unit)) > MOST_POWERS:
+        return False
+    return not (POWER.search(unit) or OF_NUMBER.search(unit))
+
+
+@functools.lru_cache(maxsize=4096)
 def _roots(unit: str) -> Any:
     """The unit in root units without its factor, `None` if it does not exist.
 
     Unlike pint's dimensions, root units tell rad/s from Hz and an angle from a plain number.
     """
+    if not _is_harmless(unit):
+        return None
     try:
         return REGISTRY.get_root_units(REGISTRY.parse_units(unit), check_nonmult=False)[1]
     except UNREADABLE:

@@ -1,12 +1,19 @@
 """Files are written whole or not at all, as readable as any other."""
 
+import errno
 import os
+import shutil
+import signal
 import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
 
 import pytest
 
-from jaxmuscle import InputError
-from jaxmuscle.files import atomic_write
+from jaxmuscle import InputError, files
+from jaxmuscle.files import abandon, atomic_folder, atomic_write, check_place
 
 
 def mode(path):
@@ -77,3 +84,137 @@ def test_where_nothing_can_be_written(tmp_path):
     ):
         pass
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (errno.ENOSPC, "No space left on device; free some space, or name a place on another disk"),
+        (errno.EROFS, "Read-only file system; name a place that can be written"),
+        (errno.EACCES, "Permission denied; name a place that can be written"),
+    ],
+)
+def test_what_to_do_is_told(tmp_path, monkeypatch, fault, told):
+    def refuse(descriptor):
+        raise OSError(fault, os.strerror(fault))
+
+    (tmp_path / "one.txt").write_text("old")
+    monkeypatch.setattr(os, "fsync", refuse)
+    with (
+        pytest.raises(InputError, match=f"cannot write '.*one.txt': {told}"),
+        atomic_write(tmp_path / "one.txt") as (file,),
+    ):
+        file.write_text("new")
+    with (
+        pytest.raises(InputError, match=f"cannot write '.*absent': {told}"),
+        atomic_folder(tmp_path / "absent", ["a"]) as (file,),
+    ):
+        file.write_text("new")
+    assert [p.name for p in tmp_path.iterdir()] == ["one.txt"]
+    assert (tmp_path / "one.txt").read_text() == "old"
+
+
+def test_a_folder_comes_into_being_with_its_files(tmp_path):
+    with atomic_folder(tmp_path / "new" / "inner", ["a.txt", "b.txt"]) as (one, two):
+        one.write_text("a")
+        two.write_text("b")
+        assert [p.name for p in tmp_path.iterdir() if p.name[0] != "."] == []
+    assert sorted(p.name for p in (tmp_path / "new" / "inner").iterdir()) == ["a.txt", "b.txt"]
+    assert [p.name for p in tmp_path.iterdir()] == ["new"]
+    with atomic_folder(tmp_path / "new" / "inner", ["b.txt"]) as (two,):
+        two.write_text("c")
+    assert (tmp_path / "new" / "inner" / "b.txt").read_text() == "c"
+    assert (tmp_path / "new" / "inner" / "a.txt").read_text() == "a"
+
+
+def test_a_block_within_a_block_writes_where_the_outer_one_says(tmp_path):
+    with atomic_write(tmp_path / "one.txt") as (outer,):
+        with atomic_write(outer) as (inner,):
+            inner.write_text("whole")
+        assert not (tmp_path / "one.txt").exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["one.txt"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("absent/file", "there is no folder '.*absent'; make it"),
+        ("folder", "expected a file; it is a folder"),
+    ],
+)
+def test_places_are_looked_at_before_the_work(tmp_path, name, told):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=f"--out .*{told}"):
+        check_place(tmp_path / name, "--out")
+    check_place(tmp_path / "folder" / "new", "--out")
+
+
+def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch):
+    """As after Ctrl-C, when another thread is writing."""
+    monkeypatch.setattr(files, "_renaming", threading.RLock())
+    begun, go_on = threading.Event(), threading.Event()
+
+    def write():
+        places = tmp_path / "one.txt", tmp_path / "new"
+        with (
+            pytest.raises(InputError),
+            atomic_write(places[0]) as (one,),
+            atomic_folder(places[1], "a") as (two,),
+        ):
+            one.write_text("half")
+            two.write_text("half")
+            begun.set()
+            go_on.wait(60)
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    assert begun.wait(60)
+    assert len(list(tmp_path.iterdir())) == 2
+    abandon()
+    assert list(tmp_path.iterdir()) == []
+    go_on.set()
+    thread.join()
+    assert list(tmp_path.iterdir()) == []
+
+
+PAIR = """
+from pathlib import Path
+from jaxmuscle.files import {kind}
+with {call} as files:
+    for file in files:
+        file.write_text("new" * 100_000)
+"""
+HERE = "*(Path.cwd() / name for name in ('a.txt', 'b.txt'))"
+KINDS = {
+    "new folder": ("atomic_folder", "atomic_folder(Path.cwd() / 'new', ['a.txt', 'b.txt'])", "new"),
+    "one file": ("atomic_write", "atomic_write(Path.cwd() / 'a.txt')", "."),
+    "files that are there": ("atomic_write", f"atomic_write({HERE})", "."),
+}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there, processes cannot be killed by a signal")
+@pytest.mark.parametrize("kind", KINDS)
+def test_killed_at_any_moment(tmp_path, kind):
+    function, call, place = KINDS[kind]
+    names = ["a.txt"] if kind == "one file" else ["a.txt", "b.txt"]
+    old = [tmp_path / name for name in names if kind != "new folder"]
+    for file in old:
+        file.write_text("old")
+    code = PAIR.format(kind=function, call=call)
+    seen = []
+    for moment in range(1, 100):
+        script = [sys.executable, str(Path(__file__).with_name("killed.py")), str(moment), code]
+        paths = os.pathsep.join(sys.path)
+        ended = subprocess.run(script, cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, timeout=60)
+        texts = {p.name: p.read_text() for p in (tmp_path / place).glob("[ab].txt")}
+        assert set(texts.values()) <= {"old", "new" * 100_000}
+        assert set(texts) in (set(names), set(names) if old else set())
+        seen.append(sorted({text[:3] for text in texts.values()}))
+        if ended.returncode == 0:
+            break
+        assert ended.returncode == -signal.SIGKILL
+        if not old and texts:
+            shutil.rmtree(tmp_path / place)
+    assert len(seen) > 4 and seen[0] == (["old"] if old else []) and seen[-1] == ["new"]
+    # What the killed ones have left is gone.
+    assert all(p.name[0] != "." for p in tmp_path.iterdir())

@@ -5,18 +5,22 @@ Ctrl-C ends the real program at once, and nothing is left half-written.
 
 import _thread
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
 
+import numpy as np
+import pandas as pd
 import pytest
 from rich.console import Console
 
 from jaxmuscle.cli import INTERRUPTED
 from jaxmuscle.cli import console as shown
 from jaxmuscle.progress import Meter, Progress, Stopped, in_words, interruptible
+from jaxmuscle.samples import sample
 
 
 def reports(*work, expected):
@@ -168,3 +172,53 @@ def test_ctrl_c_ends_a_diagnosis_at_once(tmp_path, wait_for):
     program.stderr.close()
     assert program.stdout is not None
     program.stdout.close()
+
+
+COMMANDS = {
+    "diagnose": (("diagnose", "long.csv", "--card", "lift.toml", "--stretch", "all"), "reading"),
+    "fit": (("fit", "long.csv", "--card", "lift.toml", "--stretch", "all"), "loading"),
+    "check": (("check", "lift.toml", "--recording", "long.csv"), ""),
+    "simulate": (("simulate", "lift.toml", "--command", "long.csv", "--plot"), ""),
+    "sweep": (("sweep", "lift.toml", "--over", "mass=1:9:9000"), ""),
+    "tune": (("tune", "lift.toml", "--reference", "wanted.csv"), "loading"),
+}
+"""Command → its arguments, and the line of progress after which it is interrupted; else `START` is waited."""
+START = 3.0
+"""Seconds that Python takes on a busy machine to load the program itself."""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
+@pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
+@pytest.mark.parametrize("moment", [0.1, 0.7, 3.0, 8.0])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_ctrl_c_ends_every_command_at_once(tmp_path, name, moment):
+    """While it loads, reads a long table, compiles and computes; with one line, and nothing written."""
+    lift = sample("lift")
+    shutil.copyfile(lift.with_suffix(".toml"), tmp_path / "lift.toml")
+    rows = pd.concat([pd.read_csv(lift)] * 80, ignore_index=True)
+    rows["t_s"] = np.round(0.002 * np.arange(len(rows)), 3)
+    rows.to_csv(tmp_path / "long.csv", index=False)
+    rows.iloc[:500:50][["t_s", "x_mm"]].to_csv(tmp_path / "wanted.csv", index=False)
+    there = sorted(tmp_path.rglob("*"))
+    arguments, wait_for = COMMANDS[name]
+    program = subprocess.Popen(
+        [sys.executable, "-m", "jaxmuscle.cli", *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert program.stderr is not None
+    while wait_for and wait_for not in program.stderr.readline():
+        pass
+    time.sleep(moment + (0.0 if wait_for else START))
+    if program.poll() is not None:
+        pytest.skip(f"over after {moment:g} s, before it could be interrupted")
+    begin = time.monotonic()
+    program.send_signal(signal.SIGINT)
+    out, rest = program.communicate(timeout=60)
+    took = time.monotonic() - begin
+    assert program.returncode == INTERRUPTED, rest
+    assert rest.splitlines()[-1] == "jaxmuscle: interrupted" and rest.count("interrupted") == 1
+    assert "Traceback" not in rest and "Traceback" not in out
+    assert took < SECONDS, f"{took:.1f} s"
+    assert sorted(tmp_path.rglob("*")) == there

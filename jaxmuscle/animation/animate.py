@@ -23,7 +23,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.animation.scenes import Scene, scene, text
 from jaxmuscle.errors import InputError
 from jaxmuscle.figure_style import AFTER, INK, MUTED, STYLE, curve, figure
-from jaxmuscle.files import atomic_write
+from jaxmuscle.files import atomic_folder, atomic_write
 from jaxmuscle.formatting import printed_unit, words
 from jaxmuscle.html_template import template
 from jaxmuscle.notebook_html import parameter_rows
@@ -126,12 +126,8 @@ class Animation:
         return max(round(1000 * step / self.speed), 20)
 
     def _save_folder(self, folder: Path) -> Path:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write into {str(folder)!r}: {error.strerror}") from error
-        files = [folder / f"{number:04d}.png" for number in range(len(self.times))]
-        with atomic_write(*files) as unfinished:
+        names = (f"{number:04d}.png" for number in range(len(self.times)))
+        with atomic_folder(folder, names) as unfinished:
             for file, image in zip(unfinished, self.images(), strict=True):
                 file.write_bytes(_png(image))
         return folder

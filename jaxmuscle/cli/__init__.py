@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
+import signal
 from typing import Annotated
 
 import typer
@@ -11,9 +10,10 @@ import typer
 import jaxmuscle
 from jaxmuscle.cli.cards import check, init
 from jaxmuscle.cli.compare import compare
-from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE
+from jaxmuscle.cli.console import BAD_INPUT, FAULT, INTERRUPTED, WIDE, end_by_interrupt, printable
 from jaxmuscle.cli.simulation_subcommands import simulate, tune
 from jaxmuscle.cli.subcommands import diagnose, effects, fit, sweep
+from jaxmuscle.progress import interruptible
 
 __all__ = [
     "BAD_INPUT",
@@ -46,16 +46,20 @@ app = typer.Typer(
 def main() -> None:
     """Entry point of the program.
 
-    After Ctrl-C it ends at once: at an ordinary end Python would wait for threads in which XLA is at work.
+    The commands run in a thread of their own, while this one listens for Ctrl-C: reading a long table and
+    compiling hear nothing of it. After Ctrl-C the program ends at once, whatever is under way; an ordinary
+    end of Python would wait for threads in which XLA is at work.
     """
     try:
-        app()
+        with printable():
+            interruptible(app, stop=lambda: None)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # A second Ctrl-C must not disturb the end.
+        end_by_interrupt(told=False)
     except SystemExit as end:
         if end.code != INTERRUPTED:
             raise
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(INTERRUPTED)
+        end_by_interrupt(told=True)
 
 
 def _show_version(wanted: bool) -> None:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from jaxmuscle.cli.console import BAD_INPUT, faults, output
 from jaxmuscle.cli.own_modules import load_modules
-from jaxmuscle.cli.shared_options import Debug, Modules, Resample
+from jaxmuscle.cli.shared_options import Debug, Every, Modules, Resample, Stretch
 from jaxmuscle.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def init(
     """
     with faults(debug):
         from jaxmuscle.actuators import RIGS, rig_named
-        from jaxmuscle.files import atomic_write
+        from jaxmuscle.files import atomic_write, check_place
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
         from jaxmuscle.recordings.readers import table_name
@@ -73,16 +73,17 @@ def init(
         card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
         if card.exists() and not force:
             raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
+        check_place(card, "--out")
         _check_picture(picture)
         table, _ = table_in_file(recording)
         kind = _rig_of(table, rig, RIGS)
         draft = draft_card(table, kind, settings or [])
         if sys.stdin.isatty():
             draft = _asked(draft)
-        if picture is not None:
-            draw_columns(table, draft.specs, picture)
-        with atomic_write(card) as (file,):
+        with atomic_write(card, *([] if picture is None else [picture])) as (file, *pictures):
             file.write_text(draft.to_toml(recording.name), encoding="utf-8")
+            for unfinished in pictures:
+                draw_columns(table, draft.specs, unfinished)
     _print_draft(draft, card)
 
 
@@ -207,6 +208,8 @@ def check(
         Path | None, typer.Option(help="Draw the columns as they are understood (.png, .svg, .pdf).")
     ] = None,
     resample: Resample = False,
+    stretch: Stretch = None,
+    every: Every = None,
     module: Modules = None,
     debug: Debug = False,
 ) -> None:
@@ -216,12 +219,13 @@ def check(
     """
     with faults(debug):
         import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
+        from jaxmuscle.recordings.row_selection import request_of
         from jaxmuscle.recordings.survey import survey
         from jaxmuscle.report.columns_figure import draw_columns
 
         load_modules(module)
         _check_picture(picture)
-        found = survey(card, recording, resample=resample)
+        found = survey(card, recording, resample=resample, asked=request_of(stretch, every))
         _print_survey(found)
         if picture is not None and found.table is not None and found.card is not None:
             draw_columns(found.table, found.card.columns, picture)
@@ -260,6 +264,8 @@ def _print_survey(found: Survey) -> None:
         )
     for name, count in found.gaps.items():
         typer.echo(f"{name}: {count} samples lie in gaps of its own clock and count for nothing")
+    if found.left_out:
+        typer.echo(f"\n{found.left_out}")
     if found.card is not None:
         _print_quantities(found.card, console.print)
 

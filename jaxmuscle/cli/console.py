@@ -4,6 +4,9 @@ faults.
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
 import sys
 import threading
 import time
@@ -11,15 +14,52 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import typer
 from rich.console import Console
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.files import abandon
 from jaxmuscle.progress import Progress, in_words
 
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit status when the program is at fault, when the input is, and after Ctrl-C."""
+
+INTERRUPTION = "jaxmuscle: interrupted"
+_shown: list[Callable[[], None]] = []
+"""What takes a bar from the terminal that is shown there."""
+
+
+def end_by_interrupt(told: bool) -> NoReturn:
+    """End the process after Ctrl-C, with the terminal as it was and no file half-written.
+
+    `told`: whether :data:`INTERRUPTION` has been printed.
+    """
+    abandon()
+    for hide in _shown:
+        hide()
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        if not told:
+            print(INTERRUPTION, file=sys.stderr, flush=True)
+    os._exit(INTERRUPTED)
+
+
+@contextmanager
+def printable() -> Iterator[None]:
+    """Turn a refusal to take what is printed (a full disk, a reader that is gone) into an exit status."""
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        # What is left in the buffer goes nowhere; Python would try once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno != errno.EPIPE:
+            typer.echo(f"jaxmuscle: cannot print the results: {error.strerror}", err=True)
+        raise SystemExit(BAD_INPUT) from error
 
 
 @contextmanager
@@ -33,7 +73,7 @@ def faults(debug: bool) -> Iterator[None]:
         typer.echo(f"jaxmuscle: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from error
     except (KeyboardInterrupt, typer.Abort) as error:
-        typer.echo("jaxmuscle: interrupted", err=True)
+        typer.echo(INTERRUPTION, err=True)
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:
         if debug:
@@ -90,7 +130,11 @@ def _bar(console: Console) -> Iterator[Tell]:
             else:
                 display.update(task, description=now)
 
-        yield tell
+        _shown.append(display.stop)
+        try:
+            yield tell
+        finally:
+            _shown.clear()
 
 
 @contextmanager

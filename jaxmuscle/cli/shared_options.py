@@ -27,6 +27,14 @@ Ignore: TypeAlias = Annotated[
 Resample: TypeAlias = Annotated[
     bool, typer.Option("--resample", help="Bring an irregular clock to a uniform one.")
 ]
+Stretch: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        help="Rows to take, FROM:TO in seconds of the recording's clock, or all; of a long recording the "
+        "stretch that moves most when not given."
+    ),
+]
+Every: TypeAlias = Annotated[int | None, typer.Option(help="Take one of so many samples.")]
 Modules: TypeAlias = Annotated[
     list[Path] | None,
     typer.Option(

@@ -14,7 +14,7 @@ from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.cli.option_values import Unit, split_option, values_of
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.files import atomic_write
+from jaxmuscle.files import atomic_write, check_place
 from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card, actuator_from_card
@@ -130,8 +130,7 @@ def _check_place(out: Path) -> None:
     """Better now than after the work."""
     if out.suffix != ".csv":
         raise InputError(f"--output {out}: expected a name that ends in .csv")
-    if not out.absolute().parent.is_dir():
-        raise InputError(f"--output {out}: there is no folder {str(out.absolute().parent)!r}")
+    check_place(out, "--output")
 
 
 def _written(table: pd.DataFrame, card: Card, out: Path, plot: bool) -> list[Path]:

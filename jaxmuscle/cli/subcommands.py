@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -12,7 +13,16 @@ from rich.table import Table
 from jaxmuscle._config import configure
 from jaxmuscle.cli.console import faults, list_files, output, progress
 from jaxmuscle.cli.own_modules import load_modules
-from jaxmuscle.cli.shared_options import CardArgument, Cards, Debug, Ignore, Modules, Resample
+from jaxmuscle.cli.shared_options import (
+    CardArgument,
+    Cards,
+    Debug,
+    Every,
+    Ignore,
+    Modules,
+    Resample,
+    Stretch,
+)
 from jaxmuscle.errors import InputError
 from jaxmuscle.progress import interruptible
 
@@ -47,6 +57,8 @@ def diagnose(
     ignore: Ignore = None,
     report: Annotated[bool, typer.Option(help="Write the page report.html.")] = True,
     resample: Resample = False,
+    stretch: Stretch = None,
+    every: Every = None,
     module: Modules = None,
     debug: Debug = False,
 ) -> None:
@@ -72,7 +84,7 @@ def diagnose(
         writable_folder(folder)
         names = ", ".join(file.name for file in files)
         tell(f"reading {names}" + ("" if recordings else ", the sample that comes with jaxmuscle"))
-        given = of_one_bench(read_all(files, card, resample))
+        given = of_one_bench(read_all(files, card, resample=resample, stretch=stretch, every=every))
         kept = held_out_part(given, held_out, "--held-out") if held_out else None
         ignored = rows_within(given, ignore, "--ignore") if ignore else None
         found = run(given, held_out=kept, ignored=ignored, further=own, progress=tell)
@@ -81,24 +93,36 @@ def diagnose(
     _print_outcome(found, written)
 
 
-def read_all(files: Sequence[Path], cards: Sequence[Path] | None, resample: bool) -> list[Recording]:
-    """The recordings of several tables.
+def read_all(files: Sequence[Path], cards: Sequence[Path] | None, **rows: Any) -> list[Recording]:
+    """The recordings of several tables; what is not taken of one is told.
 
     Args:
         cards: none (each has its own beside it), one for all, or one for each.
+        rows: which rows to take, as of :func:`jaxmuscle.read`.
 
     Raises:
         InputError: another number of cards; what :func:`jaxmuscle.read` says of table or card.
     """
-    from jaxmuscle.recordings import read
-
     cards = cards or []
     if len(cards) not in (0, 1, len(files)):
         raise InputError(
             f"expected one --card for all of {len(files)} recordings, or one for each; got {len(cards)}"
         )
     each = cards if len(cards) == len(files) else [cards[0] if cards else None] * len(files)
-    return [read(file, card, resample=resample) for file, card in zip(files, each, strict=True)]
+    return [taken(file, card, **rows) for file, card in zip(files, each, strict=True)]
+
+
+def taken(file: Path, card: Path | None, **rows: Any) -> Recording:
+    """The recording in a file; what was not taken of it is told."""
+    from jaxmuscle.recordings import read
+    from jaxmuscle.recordings.row_selection import LongRecording
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LongRecording)
+        found = read(file, card, **rows)
+    if found.left_out:
+        typer.echo(f"jaxmuscle: {found.left_out}", err=True)
+    return found
 
 
 def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
@@ -147,6 +171,8 @@ def fit(
     ] = None,
     ignore: Ignore = None,
     resample: Resample = False,
+    stretch: Stretch = None,
+    every: Every = None,
     module: Modules = None,
     debug: Debug = False,
 ) -> None:
@@ -166,7 +192,7 @@ def fit(
         load_modules(module)
         folder = Path(f"jaxmuscle-{table_name(recordings[0])}-fit") if out is None else out
         writable_folder(folder)
-        found = read_all(recordings, card, resample)
+        found = read_all(recordings, card, resample=resample, stretch=stretch, every=every)
         asked = {
             "free": free or None,
             "loss": loss,

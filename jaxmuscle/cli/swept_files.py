@@ -11,16 +11,17 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.cli.option_values import Unit, numbers_of, split_option
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.files import atomic_write
+from jaxmuscle.files import atomic_write, check_place
 from jaxmuscle.parameters import Parameter, get, replace
 from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
-from jaxmuscle.report.sweep_figure import draw_sweep
+from jaxmuscle.report.sweep_figure import Written, draw_sweep
 from jaxmuscle.sweeps import FailedPoints, sweep
 from jaxmuscle.sweeps.commands import COMMANDS
 from jaxmuscle.sweeps.operating_points import checked_values, swept
@@ -162,14 +163,21 @@ def swept_files(
             "client": client,
         }
         found = interruptible(lambda: sweep(bench.actuator, given, **asked), stop=lambda: None)
-        if out.suffix == ".nc":
-            with atomic_write(out) as (unfinished,):
-                found.to_netcdf(unfinished)
-        files = [out]
-        if picture:
-            files.append(out.with_suffix(".png"))
-            draw_sweep(found, {one.name: (one.unit.label, one.unit.from_si) for one in axes}, files[-1])
-    return files, "; ".join(str(w.message) for w in caught if issubclass(w.category, FailedPoints))
+        pictures = [out.with_suffix(".png")] if picture else []
+        written = {one.name: (one.unit.label, one.unit.from_si) for one in axes}
+        _write(found, out, pictures, written)
+    return [out, *pictures], "; ".join(str(w.message) for w in caught if issubclass(w.category, FailedPoints))
+
+
+def _write(found: xr.Dataset, out: Path, pictures: Sequence[Path], written: Written) -> None:
+    """Write the dataset, unless it is in its store already, and the picture: both or none."""
+    files = [out] if out.suffix == ".nc" else []
+    with atomic_write(*files, *pictures) as unfinished:
+        for file in unfinished:
+            if file.suffix == ".nc":
+                found.to_netcdf(file)
+            else:
+                draw_sweep(found, written, file)
 
 
 def _times(duration: float, step: float) -> np.ndarray:
@@ -182,8 +190,8 @@ def _check_place(out: Path) -> None:
     """Better now than after an hour of work."""
     if out.suffix not in SUFFIXES:
         raise InputError(f"--out {out}: expected a name that ends in {' or '.join(SUFFIXES)}")
-    if not out.absolute().parent.is_dir():
-        raise InputError(f"--out {out}: there is no folder {str(out.absolute().parent)!r}")
+    if not (out.suffix == ".zarr" and out.is_dir()):  # One that is there is taken up again.
+        check_place(out, "--out")
 
 
 @contextlib.contextmanager

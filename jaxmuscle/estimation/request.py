@@ -63,11 +63,10 @@ def read_bounds(entry: Bounds, where: str) -> Bounds:
 
 
 def _pair(entry: object, where: str, wanted: str) -> tuple[float | None, float | None]:
-    if isinstance(entry, Sequence) and not isinstance(entry, str) and len(entry) == 2:
-        numbers = [x is None or (isinstance(x, int | float | np.number) and not math.isnan(x)) for x in entry]
-        if all(numbers):
-            low, high = (None if x is None else float(x) for x in entry)
-            return low, high
+    pair = entry if isinstance(entry, Sequence) and not isinstance(entry, str) else ()
+    if len(pair) == 2 and all(x is None or (_is_number(x) and not math.isnan(x)) for x in pair):
+        low, high = (None if x is None else float(x) for x in pair)
+        return low, high
     raise InputError(f"{where}: expected {wanted} in SI; got {entry!r}")
 
 
@@ -117,7 +116,7 @@ def by_name(given: Any, where: str) -> dict[str, Any]:
 def factors(given: Any, where: str) -> tuple[float, ...]:
     """A list of numbers; `InputError` for anything else."""
     found = _listed(given, where, "a list of numbers")
-    if not all(isinstance(factor, Real) for factor in found):
+    if not all(_is_number(factor) for factor in found):
         raise InputError(f"{where}: expected a list of numbers; got {given!r}")
     return tuple(map(float, found))
 
@@ -133,9 +132,20 @@ def seconds(given: Any, where: str) -> float:
     """A length of time [s], infinite for `None`; `InputError` for anything else."""
     if given is None:
         return math.inf
-    if isinstance(given, bool) or not isinstance(given, Real) or not float(given) >= 0:
+    if isinstance(given, bool) or not _is_number(given) or not float(given) >= 0:
         raise InputError(f"{where}: expected a number of seconds, or None for no limit; got {given!r}")
     return float(given)
+
+
+def _is_number(given: object) -> bool:
+    """Whether it is a real number within the range of floating-point numbers."""
+    if not isinstance(given, Real | np.number):
+        return False
+    try:
+        float(given)
+    except (TypeError, OverflowError):
+        return False
+    return True
 
 
 def _listed(given: Any, where: str, wanted: str) -> list:

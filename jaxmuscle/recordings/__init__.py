@@ -3,6 +3,16 @@
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.recordings.read import read
 from jaxmuscle.recordings.recording import Recording, recording
+from jaxmuscle.recordings.row_selection import LongRecording
 from jaxmuscle.recordings.schema import ColumnSpec, Quantity
 
-__all__ = ["Card", "ColumnSpec", "Quantity", "Recording", "actuator_from_card", "read", "recording"]
+__all__ = [
+    "Card",
+    "ColumnSpec",
+    "LongRecording",
+    "Quantity",
+    "Recording",
+    "actuator_from_card",
+    "read",
+    "recording",
+]

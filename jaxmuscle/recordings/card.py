@@ -176,13 +176,16 @@ class Card:
             return cls.from_toml(file_content(file).decode("utf-8-sig"), file)
         except UnicodeDecodeError as error:
             raise InputError(f"{file}: not a text in UTF-8 (byte {error.start}); save it as UTF-8") from error
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{file}: cannot be read as TOML: {error}") from error
 
     @classmethod
     def from_toml(cls, text: str, file: Path | None = None) -> Card:
         """The card in a TOML text. `InputError` tells everything that is wrong with it."""
-        return dataclasses.replace(cls.parse(tomllib.loads(text), file=file), text=text)
+        try:
+            mapping = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:  # Numbers of 5000 digits, brackets 1000 deep.
+            where = "card" if file is None else file
+            raise InputError(f"{where}: cannot be read as TOML: {error}") from error
+        return dataclasses.replace(cls.parse(mapping, file=file), text=text)
 
     @classmethod
     def parse(cls, mapping: Mapping[str, Any], file: Path | None = None) -> Card:

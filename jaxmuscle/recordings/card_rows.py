@@ -109,7 +109,12 @@ class NamedRows:
 
 
 def named_rows(
-    spans: Mapping[str, Mapping[str, RowSpan]], time: NDArray[np.float64], columns: tuple[str, ...], file: str
+    spans: Mapping[str, Mapping[str, RowSpan]],
+    time: NDArray[np.float64],
+    columns: tuple[str, ...],
+    file: str,
+    *,
+    stretch: bool = False,
 ) -> NamedRows:
     """The rows that a card names.
 
@@ -118,10 +123,13 @@ def named_rows(
         time: the clock of the table [s].
         columns: what is measured.
         file: the table, for messages.
+        stretch: whether the clock is a stretch of the table's: it need not hold what the card names.
 
     Raises:
         InputError: a span without a row, a break at the first row or behind the last.
     """
+    if stretch:
+        spans = {section: _inside(named, time, section) for section, named in spans.items()}
     ignored: dict[str, Rows] = {}
     for name, span in spans[IGNORE].items():
         rows = _some(span, time, f"{file}: [{IGNORE}] {name}")
@@ -142,6 +150,17 @@ def named_rows(
             )
         breaks.append(row)
     return NamedRows(ignored, held_out, tuple(sorted(set(breaks))))
+
+
+def _inside(spans: Mapping[str, RowSpan], time: NDArray[np.float64], section: str) -> dict[str, RowSpan]:
+    """Those that hold a row of a clock; of breaks those after its first row."""
+    if section == BREAKS:
+        return {
+            name: span
+            for name, span in spans.items()
+            if span.begin is not None and time[0] < span.begin <= time[-1]
+        }
+    return {name: span for name, span in spans.items() if span.rows(time).any()}
 
 
 def _some(span: RowSpan, time: NDArray[np.float64], where: str) -> Rows:

@@ -40,6 +40,7 @@ def joined(recordings: Sequence[Recording], name: str) -> Recording:
         ignored=_ignored(recordings),
         held_out=_held_out(recordings),
         joined_from=_members(recordings),
+        left_out=" ".join(dict.fromkeys(r.left_out for r in recordings if r.left_out)),
     )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,14 @@ from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.readers import SUFFIXES, check_ending, read_table, table_name
 from jaxmuscle.recordings.readers.frames import table_in_memory
 from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.recordings.row_selection import (
+    LongRecording,
+    RowRequest,
+    Selected,
+    request_of,
+    selected,
+    stretch_of,
+)
 from jaxmuscle.recordings.si_columns import si_columns
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.table_checks import (
@@ -38,6 +48,8 @@ def read(
     card: Card | str | Path | None = None,
     *,
     resample: bool = False,
+    stretch: str | Sequence[float] | None = None,
+    every: int | None = None,
 ) -> Recording:
     """The recording in a table and its card, in SI and checked. Writes nothing.
 
@@ -50,6 +62,11 @@ def read(
         card: the card or its file; the ``.toml`` of the same stem when not given.
         resample: bring an irregular clock to a uniform one with the median step; see
             :func:`jaxmuscle.recordings.clocks.resampled`. A regular clock is left as it is.
+        stretch: what to take, in seconds of the table's clock: ``(100, 200)`` or ``"100:200"``; or ``"all"``.
+            When not given, all of a table of up to :data:`~jaxmuscle.recordings.row_selection.MOST_ROWS`
+            rows; of a longer one what :func:`~jaxmuscle.recordings.row_selection.selected` says, which a
+            warning and the recording's `left_out` tell.
+        every: take one of so many samples.
 
     Signals of groups or topics with clocks of their own are brought to the one that the card names:
     :func:`jaxmuscle.recordings.clocks.on_clock`. What is measured is then NaN in gaps, where it counts for
@@ -58,15 +75,17 @@ def read(
     Raises:
         InputError: table or card are not what they should be; the message says where and what to do.
     """
+    asked = request_of(stretch, every)
     if not isinstance(path, str | Path):
         table = table_in_memory(path)
         if card is None:
             raise InputError(f"{table.file}: expected its card as card=, since no file lies beside it")
-        return _recording(table, card if isinstance(card, Card) else Card.read(card), None, resample)
+        given = card if isinstance(card, Card) else Card.read(card)
+        return _recording(table, given, None, resample, asked)
     table, sha256 = table_in_file(Path(path))
     if not isinstance(card, Card):
         card = Card.read(_card_beside(Path(path)) if card is None else card)
-    return _recording(table, card, sha256, resample)
+    return _recording(table, card, sha256, resample, asked)
 
 
 def table_in_file(file: Path, kind: str = "recording") -> tuple[Table, str]:
@@ -90,22 +109,75 @@ def _card_beside(file: Path) -> Path:
         ) from error
 
 
-def _recording(table: Table, card: Card, sha256: str | None, resample: bool) -> Recording:
-    table, columns = si_columns(table, card)
-    time = columns.pop("time")
-    for check in checks(table, card, time, columns, resample):
+def _recording(table: Table, card: Card, sha256: str | None, resample: bool, asked: RowRequest) -> Recording:
+    table, columns, rows = rows_asked(table, card, asked)
+    time, rig = columns.pop("time"), RIGS[card.rig]
+    for check in checks(table, card, time, columns, resample, asked):
         check()
     if not is_regular(time):
-        time, columns = resampled(time, columns, held=RIGS[card.rig].commands)
-    step = float(time[-1] - time[0]) / (len(time) - 1)
+        read = len(time)
+        time, columns = resampled(time, columns, held=rig.commands)
+        rows += len(time) - read
     file = table.file if isinstance(table.file, Path) else None
-    name = str(table.file) if file is None else table_name(file)
-    rows = _rows_of_card(table, card, time)
-    return Recording(name, file, sha256, card, time, step, columns, rows.breaks, rows.ignored, rows.held_out)
+    taken, named = rows_taken(table, card, time, columns, asked, rows)
+    if taken.told:
+        check_horizon(table, card, taken.time)
+    if taken.unasked:
+        warnings.warn(taken.told, LongRecording, stacklevel=3)
+    held_out = None if named.held_out is None else named.held_out[taken.rows]
+    return Recording(
+        str(table.file) if file is None else table_name(file),
+        file,
+        sha256,
+        card,
+        taken.time,
+        float(taken.time[-1] - taken.time[0]) / (len(taken.time) - 1),
+        taken.columns,
+        taken.breaks,
+        {column: bad[taken.rows] for column, bad in named.ignored.items()},
+        held_out if held_out is not None and held_out.any() else None,
+        left_out=taken.told,
+    )
+
+
+def rows_taken(
+    table: Table, card: Card, time: Series, columns: Mapping[str, Series], asked: RowRequest, total: int
+) -> tuple[Selected, NamedRows]:
+    """What is taken of the rows that :func:`rows_asked` gives, and which of these the card names.
+
+    `total`: rows of the whole table. Errors as of :func:`~jaxmuscle.recordings.card_rows.named_rows`.
+    """
+    rig, named = RIGS[card.rig], _rows_of_card(table, card, time, asked)
+    name = table.file.name if isinstance(table.file, Path) else table.file
+    how = {"held": rig.commands, "largest_step": rig.largest_step, "total": total}
+    return selected(name, time, columns, asked, breaks=named.breaks, **how), named
+
+
+def rows_asked(table: Table, card: Card, asked: RowRequest) -> tuple[Table, dict[str, Series], int]:
+    """The stretch that is asked for, as of :func:`si_columns`, and the number of all rows.
+
+    Raises:
+        InputError: what is wrong with the columns; no row lies in the stretch.
+    """
+    table, columns = si_columns(table, card)
+    rows = len(columns["time"])
+    if asked.stretch is None:
+        return table, columns, rows
+    part = stretch_of(columns["time"], asked, table.file)
+    if table.rows is None:
+        table = dataclasses.replace(table, first_row=table.first_row + part.start)
+    else:
+        table = dataclasses.replace(table, rows=table.rows[part])
+    return table, {name: values[part] for name, values in columns.items()}, rows
 
 
 def checks(
-    table: Table, card: Card, time: Series, columns: Mapping[str, Series], resample: bool
+    table: Table,
+    card: Card,
+    time: Series,
+    columns: Mapping[str, Series],
+    resample: bool,
+    asked: RowRequest,
 ) -> list[Callable[[], object]]:
     """What a table has to pass beside its card, each raising `InputError`; the first before all others.
 
@@ -115,6 +187,7 @@ def checks(
         time: the clock [s].
         columns: quantity → samples in SI, pressures absolute.
         resample: whether an irregular clock may be made uniform.
+        asked: which rows of the table were asked for; these are they.
     """
     rig = RIGS[card.rig]
     return [
@@ -125,10 +198,11 @@ def checks(
             table.file, rig, card, columns, float(np.median(np.diff(time))), lambda i: f"row {table.row(i)}"
         ),
         lambda: check_horizon(table, card, time),
-        lambda: _rows_of_card(table, card, time),
+        lambda: _rows_of_card(table, card, time, asked),
     ]
 
 
-def _rows_of_card(table: Table, card: Card, time: Series) -> NamedRows:
+def _rows_of_card(table: Table, card: Card, time: Series, asked: RowRequest) -> NamedRows:
     """The rows that a card names; `InputError` where none lies there."""
-    return named_rows(card.row_spans, time, measured_columns(RIGS[card.rig]), str(table.file))
+    columns, part = measured_columns(RIGS[card.rig]), asked.stretch is not None
+    return named_rows(card.row_spans, time, columns, str(table.file), stretch=part)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card_rows import Rows
 from jaxmuscle.recordings.plausibility import check_machine
+from jaxmuscle.recordings.row_selection import LongRecording, RowRequest, request_of, selected, stretch_of
 from jaxmuscle.recordings.schema import ColumnSpec, Need, Quantity
 from jaxmuscle.units import Series
 
@@ -35,6 +37,7 @@ class Member:
         file, sha256: the table that was read and its checksum, `None` for one made in memory.
         first, rows: its first row in the whole, and how many it has.
         begin: its own time at that row [s].
+        left_out: which of its rows were taken and why, a sentence, when they are not all.
     """
 
     name: str
@@ -43,6 +46,7 @@ class Member:
     first: int
     rows: int
     begin: float
+    left_out: str = ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -61,6 +65,7 @@ class Recording:
         ignored: column → rows whose reading counts for nothing, as the card says.
         held_out: rows that no fit of a diagnosis sees, as the card says; `None` where it names none.
         joined_from: the recordings that it was joined from; empty for a single one.
+        left_out: which rows were taken and why, a sentence, when they are not all.
     """
 
     name: str
@@ -74,6 +79,7 @@ class Recording:
     ignored: Mapping[str, Rows] = dataclasses.field(default_factory=dict, repr=False)
     held_out: Rows | None = dataclasses.field(default=None, repr=False)
     joined_from: tuple[Member, ...] = dataclasses.field(default=(), repr=False)
+    left_out: str = ""
 
     def __post_init__(self) -> None:
         """Hold all columns to one length."""
@@ -92,7 +98,7 @@ class Recording:
     @property
     def members(self) -> tuple[Member, ...]:
         """The recordings that it was joined from, or itself."""
-        alone = Member(self.name, self.file, self.sha256, 0, len(self), float(self.time[0]))
+        alone = Member(self.name, self.file, self.sha256, 0, len(self), float(self.time[0]), self.left_out)
         return self.joined_from or (alone,)
 
     def part(self, start: int | None, stop: int | None) -> Recording:
@@ -143,7 +149,7 @@ def _view(recording: Recording) -> View:
         "recording",
         recording.name,
         facts,
-        lead=[card.description] if card.description else [],
+        lead=[text for text in (card.description, recording.left_out) if text],
         tables=[
             Table(
                 "columns (pressures absolute)" if "Pa" in units.values() else "columns",
@@ -182,6 +188,8 @@ def recording(
     breaks: Sequence[int] = (),
     name: str = "recording",
     uncertain: Mapping[str, float] | None = None,
+    stretch: str | Sequence[float] | None = None,
+    every: int | None = None,
 ) -> Recording:
     """What a bench measured, from arrays in SI units (pressures absolute) on a uniform clock.
 
@@ -200,6 +208,8 @@ def recording(
         breaks: rows at which a new run begins, with everything that is not measured at rest.
         name: what results call it.
         uncertain: quantity of the card → standard deviation of what is known of it (SI).
+        stretch, every: which rows to take, as of :func:`jaxmuscle.read`; what is taken of arrays of more
+            than :data:`~jaxmuscle.recordings.row_selection.MOST_ROWS` rows is told by a warning.
 
     Raises:
         InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
@@ -207,35 +217,84 @@ def recording(
     """
     rig = type(actuator)
     needs = {key: need for key, need in schema.columns(rig).items() if key != "time"}
-    for where, given in (("columns", columns), ("noise", noise or {})):
-        for key in given:
+    for where, given in (("columns", columns), ("noise", noise or {}), ("uncertain", uncertain or {})):
+        if not isinstance(given, Mapping | pd.DataFrame | xr.Dataset):
+            raise InputError(
+                f"{where}: expected a mapping of names, such as {{'pressure': …}}; got {given!r}"
+            )
+        for key in given if where != "uncertain" else ():
             if key not in needs:
                 raise InputError(f"{where}: unknown column {key!r}{nearest(str(key), needs)}")
     if missing := [key for key in needs if key not in columns]:
         raise InputError(f"columns: {', '.join(missing)} missing; rig {rig.rig!r} has {', '.join(needs)}")
-    arrays = {key: np.asarray(columns[key], dtype=float) for key in needs}
+    arrays = {key: _samples(columns[key], key) for key in needs}
     shapes = {key: values.shape for key, values in arrays.items()}
     if len(set(shapes.values())) > 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"columns: expected one axis of samples, of one length for all; got shapes {shapes}")
     rows = len(next(iter(arrays.values())))
-    if not 0 < step < math.inf:
-        raise InputError(f"step: expected the time between two samples, above zero [s]; got {step}")
+    if rows < 2:
+        raise InputError(f"columns: expected at least two samples; got {rows}")
+    if not 0 < _number(step) < math.inf:
+        raise InputError(f"step: expected the time between two samples, above zero [s]; got {step!r}")
     for key, level in (noise or {}).items():
-        if not 0 < level < math.inf:
-            raise InputError(f"noise[{key!r}]: expected a standard deviation above zero (SI); got {level}")
-    if horizon is not None and not step <= horizon <= rows * step:
+        if not 0 < _number(level) < math.inf:
+            raise InputError(f"noise[{key!r}]: expected a standard deviation above zero (SI); got {level!r}")
+    if horizon is not None and not step <= _number(horizon) <= rows * step:
         raise InputError(
             f"horizon: expected a time from one step, {step:g} s, to the whole recording, {rows * step:g} s; "
-            f"got {horizon:g}"
+            f"got {horizon!r}"
         )
-    if wrong := [row for row in breaks if not 0 < row < rows]:
+    if not isinstance(breaks, Sequence | np.ndarray) or isinstance(breaks, str):
+        raise InputError(f"breaks: expected a list of rows; got {breaks!r}")
+    if wrong := [row for row in breaks if not 0 < _number(row) < rows or int(row) != row]:
         raise InputError(f"breaks: expected rows between 1 and {rows - 1}; got {wrong}")
     card = _unsure_of(_card(actuator, needs, dict(noise or {}), horizon), uncertain or {})
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
     ordered = tuple(sorted({int(row) for row in breaks}))
-    return Recording(name, None, None, card, clock, float(step), arrays, ordered)
+    whole = Recording(name, None, None, card, clock, float(step), arrays, ordered)
+    taken = _rows_taken(whole, rig, request_of(stretch, every))
+    if horizon is not None and not taken.step <= horizon <= len(taken) * taken.step:
+        raise InputError(
+            f"horizon: expected a time from one step, {taken.step:g} s, to all that is taken, "
+            f"{len(taken) * taken.step:g} s; got {horizon:g}. {taken.left_out}"
+        )
+    return taken
+
+
+def _rows_taken(whole: Recording, rig: type[AbstractActuator], asked: RowRequest) -> Recording:
+    part = stretch_of(whole.time, asked, repr(whole.name))
+    cut = whole.part(part.start, part.stop)
+    found = selected(
+        repr(whole.name), cut.time, cut.columns, asked, held=rig.commands, largest_step=rig.largest_step,
+        breaks=cut.breaks, total=len(whole),
+    )  # fmt: skip
+    if found.unasked:
+        warnings.warn(found.told, LongRecording, stacklevel=3)
+    if not found.told:
+        return whole
+    step = float(found.time[-1] - found.time[0]) / max(len(found.time) - 1, 1)
+    return dataclasses.replace(
+        cut, time=found.time, step=step, columns=found.columns, breaks=found.breaks, left_out=found.told
+    )
+
+
+def _number(given: object) -> float:
+    """A number, NaN for what is none: that passes no check."""
+    if isinstance(given, bool | str):
+        return math.nan
+    try:
+        return float(given)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def _samples(given: object, name: str) -> Series:
+    try:
+        return np.asarray(given, dtype=float)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"columns[{name!r}]: expected an array of numbers; {error}") from error
 
 
 def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
@@ -245,9 +304,11 @@ def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
     """
     for key, std in uncertain.items():
         if key not in card.known:
-            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(key, card.known)}")
-        if not 0 < std < math.inf:
-            raise InputError(f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std}")
+            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(str(key), card.known)}")
+        if not 0 < _number(std) < math.inf:
+            raise InputError(
+                f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std!r}"
+            )
     unsure = {key: dataclasses.replace(card.known[key], std=float(std)) for key, std in uncertain.items()}
     known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
     return dataclasses.replace(card, known=known, uncertain=unsure)

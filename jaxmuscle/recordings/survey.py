@@ -14,12 +14,14 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.clocks import holds_stamps, stamps_to_seconds
-from jaxmuscle.recordings.read import checks, table_in_file
+from jaxmuscle.recordings.read import checks, rows_asked, rows_taken, table_in_file
 from jaxmuscle.recordings.readers import READERS, SUFFIXES, table_ending, table_name
-from jaxmuscle.recordings.si_columns import si_columns
+from jaxmuscle.recordings.row_selection import RowRequest
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.table_checks import JITTER
 from jaxmuscle.units import Series
+
+NOT_ASKED = RowRequest()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +68,7 @@ class Survey:
         ranges: of every column, those of the card first.
         sampling: of the card's clock, if it was found.
         gaps: quantity → samples on that clock at which a sensor with a clock of its own shows nothing.
+        left_out: which rows are taken and why, a sentence, when they are not all.
     """
 
     card: Card | None
@@ -74,15 +77,19 @@ class Survey:
     ranges: tuple[ColumnRange, ...]
     sampling: Sampling | None
     gaps: Mapping[str, int]
+    left_out: str = ""
 
 
-def survey(card_file: Path, table_file: Path | None = None, *, resample: bool = False) -> Survey:
+def survey(
+    card_file: Path, table_file: Path | None = None, *, resample: bool = False, asked: RowRequest = NOT_ASKED
+) -> Survey:
     """Read a card and its table and hold them to every check that can still be made.
 
     Args:
         card_file: the card.
         table_file: its table; that of the same name in the same folder when not given.
         resample: whether an irregular clock is to be made uniform.
+        asked: which of the rows are to be taken.
     """
     faults: list[str] = []
     card = table = None
@@ -95,15 +102,15 @@ def survey(card_file: Path, table_file: Path | None = None, *, resample: bool = 
     except InputError as error:
         faults.append(str(error))
     specs = _specs(card, card_file)
-    sampling, gaps = None, {}
+    sampling, gaps, left_out = None, {}, ""
     if table is not None and card is None:
         faults += _absent(table, specs)
     if table is not None and card is not None:
-        sampling, gaps, found = _checked(table, card, resample)
+        sampling, gaps, left_out, found = _checked(table, card, resample, asked)
         faults += found
     ranges = () if table is None else _ranges(table, specs)
     # A card that is not there is missed when its table is sought, too.
-    return Survey(card, table, tuple(dict.fromkeys(faults)), ranges, sampling, gaps)
+    return Survey(card, table, tuple(dict.fromkeys(faults)), ranges, sampling, gaps, left_out)
 
 
 def table_beside(card_file: Path) -> Path:
@@ -133,15 +140,19 @@ def sampling_of(time: Series) -> Sampling | None:
     return Sampling(len(time), float(time[-1] - time[0]), step, irregular, float(steps.max()))
 
 
-def _checked(table: Table, card: Card, resample: bool) -> tuple[Sampling | None, dict[str, int], list[str]]:
-    """Sampling, gaps and the messages of all checks; without a clock that increases only the first ones."""
+def _checked(
+    table: Table, card: Card, resample: bool, asked: RowRequest
+) -> tuple[Sampling | None, dict[str, int], str, list[str]]:
+    """Sampling, gaps, what is left out and the messages of all checks; without a clock that increases only
+    the first ones.
+    """
     faults: list[str] = []
     try:
-        table, columns = si_columns(table, card)
+        table, columns, rows = rows_asked(table, card, asked)
     except InputError as error:
-        return None, {}, [str(error)]
+        return None, {}, "", [str(error)]
     time = columns.pop("time")
-    first, *rest = checks(table, card, time, columns, resample)
+    first, *rest = checks(table, card, time, columns, resample, asked)
     for check in (first, *rest):
         try:
             check()
@@ -150,7 +161,9 @@ def _checked(table: Table, card: Card, resample: bool) -> tuple[Sampling | None,
             if check is first:
                 break
     missing = {name: int(np.isnan(values).sum()) for name, values in columns.items()}
-    return sampling_of(time), {name: count for name, count in missing.items() if count}, faults
+    gaps = {name: count for name, count in missing.items() if count}
+    left_out = "" if faults else rows_taken(table, card, time, columns, asked, rows)[0].told
+    return sampling_of(time), gaps, left_out, faults
 
 
 def _specs(card: Card | None, card_file: Path) -> dict[str, Mapping[str, Any]]:

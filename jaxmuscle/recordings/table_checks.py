@@ -76,7 +76,7 @@ def check_regular(table: Table, card: Card, time: Series, *, resample: bool) -> 
     if gaps[worst] > LONGEST_GAP * step:
         raise InputError(
             f"{where}; a gap of more than {LONGEST_GAP} steps cannot be bridged. "
-            f"Cut the recording there and use the longer part"
+            f"Take what lies before or behind it: stretch=(FROM, TO), --stretch FROM:TO"
         )
     if not resample:
         count = int((np.abs(gaps / step - 1) > JITTER).sum())

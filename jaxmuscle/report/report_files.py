@@ -15,7 +15,7 @@ from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation import FitResult
 from jaxmuscle.estimation.fit_files import as_json
-from jaxmuscle.files import atomic_write
+from jaxmuscle.files import atomic_folder
 from jaxmuscle.formatting import words
 from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import parameters
@@ -62,6 +62,7 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
                 "sha256": None if several else recording.sha256,
                 "rig": recording.card.rig,
                 "rows": len(recording),
+                **({"left_out": recording.left_out} if recording.left_out else {}),
             },
             **({"recordings": _members(diagnosis)} if recording.joined_from else {}),
             "jaxmuscle": jaxmuscle.__version__,
@@ -78,6 +79,7 @@ def _members(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "file": member.name if member.file is None else member.file.name,
             "sha256": member.sha256,
             "rows": member.rows,
+            **({"left_out": member.left_out} if member.left_out else {}),
             "held_out_rows": int(diagnosis.traces.held_out[rows].sum()),
         }
         for member in diagnosis.recording.joined_from
@@ -121,7 +123,7 @@ def _finite(node: Any) -> Any:
 def write(diagnosis: Diagnosis, folder: str | Path, report: bool = True) -> list[Path]:
     """Write ``result.json``, ``card.toml`` and, unless `report` is false, ``report.html`` into `folder`.
 
-    Everything is rendered before the first file is touched; each file is then renamed into place.
+    Everything is rendered before the first file is touched; see :func:`jaxmuscle.files.atomic_folder`.
 
     Returns:
         The files written.
@@ -193,15 +195,10 @@ def _card_estimate(estimate: Estimate) -> CardEstimate:
 
 def placed(texts: Mapping[str, str], folder: Path) -> list[Path]:
     """Write `texts`, by names, into `folder`: all of them, or none."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write into {str(folder)!r}: {error.strerror}") from error
-    files = [folder / name for name in texts]
-    with atomic_write(*files) as unfinished:
+    with atomic_folder(folder, texts) as unfinished:
         for file, text in zip(unfinished, texts.values(), strict=True):
             file.write_text(text, encoding="utf-8", newline="\n")
-    return files
+    return [folder / name for name in texts]
 
 
 def write_fit(result: FitResult, folder: str | Path) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.files import new_folder, told_where
 from jaxmuscle.sweeps.job import FAILED, Results
 from jaxmuscle.sweeps.operating_points import Block
 
@@ -108,7 +110,23 @@ class Store:
         variables: Variables,
         coordinates: xr.Dataset,
     ) -> None:
-        """Lay out the arrays. The mark comes last: without it a store is not taken up again."""
+        """Lay out the arrays: a folder is there with all of them, or not at all.
+
+        Raises:
+            InputError: the system refuses to write them.
+        """
+        with new_folder(Path(self.place)) if _is_path(self.place) else nullcontext(self.place) as place:
+            Store(place)._lay_out(fingerprint, block, count, variables, coordinates)
+
+    def _lay_out(
+        self,
+        fingerprint: str,
+        block: tuple[int, ...],
+        count: int,
+        variables: Variables,
+        coordinates: xr.Dataset,
+    ) -> None:
+        """The mark comes last: without it a store is not taken up again."""
         coordinates.to_zarr(self.place, mode="w-", consolidated=False, zarr_format=3)
         group = self._group()
         for name, (dims, shape, attributes) in variables.items():
@@ -139,11 +157,12 @@ class Store:
 
     def write(self, number: int, block: Block, results: Results) -> None:
         """Write the arrays of a block, then mark it."""
-        group = self._group()
-        for name, values in results.items():
-            group[name][block] = values
-        written = group[WRITTEN]
-        written[number] = int(written[number]) + 1
+        with told_where(self.place):
+            group = self._group()
+            for name, values in results.items():
+                group[name][block] = values
+            written = group[WRITTEN]
+            written[number] = int(written[number]) + 1
 
     def open(self) -> xr.Dataset:
         """The result; its arrays are read when they are used."""

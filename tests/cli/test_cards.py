@@ -115,7 +115,7 @@ def test_an_end_in_the_middle_of_the_questions_writes_nothing(
         (("bank.toml",), "expected a table with the ending"),
         (("bank.csv", "--rig", "isotonik"), "unknown rig 'isotonik'; did you mean 'isotonic'?"),
         (("bank.csv", "--set", "mas=8"), "did you mean 'mass'?"),
-        (("bank.csv", "--out", "absent/card.toml"), "cannot write 'absent/card.toml'"),
+        (("bank.csv", "--out", "absent/card.toml"), "no folder"),
         (("--list", "--rig", "lift"), "unknown rig 'lift'"),
         (("swing.csv",), "the columns are enough for joint and for elbow. Say --rig NAME"),
         (("time.csv",), "no rig has such columns. Say --rig NAME"),

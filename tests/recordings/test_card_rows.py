@@ -45,6 +45,20 @@ def test_rows_are_those_of_the_clock(recording):
     assert "command" not in recording.ignored
 
 
+def test_rows_of_the_card_are_thinned_and_cut_with_the_columns(recording):
+    thin = jm.read(jm.sample("lift"), recording.card, every=5)
+    assert len(thin) == 1200 and thin.breaks == (600,)
+    np.testing.assert_array_equal(thin.held_out, recording.held_out[::5])
+    for column, rows in recording.ignored.items():
+        np.testing.assert_array_equal(thin.ignored[column], rows[::5])
+    part = jm.read(jm.sample("lift"), recording.card, stretch=(4.5, 8))
+    time = part.time
+    np.testing.assert_array_equal(part.ignored["pressure"], time <= 5)
+    # What the card names elsewhere is not missed.
+    assert set(part.ignored) == {"pressure"} and part.held_out is None
+    assert part.breaks == (int(np.argmax(time >= 6)),)
+
+
 def test_what_the_card_ignores_counts_in_no_fit_and_no_diagnosis(recording):
     prepared = case(recording, 0.3)
     for column, rows in recording.ignored.items():

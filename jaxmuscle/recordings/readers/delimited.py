@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import re
@@ -78,20 +79,23 @@ def _unpacked(path: Path, content: bytes) -> bytes:
 
 def _utf8(path: Path, content: bytes) -> bytes:
     """The text in UTF-8 without its mark, from what laboratory software on Windows writes too."""
+    begin, decoder = 0, codecs.getincrementaldecoder("utf-8")()
     try:
-        content.decode("utf-8-sig")
+        # Part by part: the whole text beside its bytes would take the memory twice.
+        for begin in range(0, len(content) + 1, BYTES_SEEN):
+            decoder.decode(content[begin : begin + BYTES_SEEN], final=begin + BYTES_SEEN > len(content))
         return content.removeprefix(b"\xef\xbb\xbf")
     except UnicodeDecodeError as error:
-        wrong = error
+        wrong, at = error, begin - len(decoder.getstate()[0]) + error.start
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     if not marked and b"\x00" in content:
-        raise InputError(f"{path}: not a text in UTF-8 (byte {wrong.start}); save it as UTF-8") from wrong
+        raise InputError(f"{path}: not a text in UTF-8 (byte {at}); save it as UTF-8") from wrong
     # What cannot be decoded is marked by a character that no encoding of Windows has.
     text = content.decode("utf-16" if marked else "cp1252", errors="replace")
     latin = sum(character < "\u0100" for character in text[:1000]) > MOSTLY_LATIN * len(text[:1000])
     if latin and "\ufffd" not in text:
         return text.encode("utf-8")
-    raise InputError(f"{path}: not a text in UTF-8 (byte {wrong.start}); save it as UTF-8") from wrong
+    raise InputError(f"{path}: not a text in UTF-8 (byte {at}); save it as UTF-8") from wrong
 
 
 def _comments(content: bytes, first: int) -> list[int]:

@@ -1,0 +1,181 @@
+"""What commands write is there as a whole or not at all: killed, on a full or a read-only disk."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jaxmuscle as jm
+from jaxmuscle.cli import BAD_INPUT
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="there, processes cannot be killed by a signal")
+
+SWEEP = ("sweep", "lift.toml", "--over", "mass=7:9:2", "--duration", "0.02")
+COMMANDS = {
+    "init": (("init", "swing.csv", "--rig", "joint", "--picture", "swing.png"), ("swing.toml", "swing.png")),
+    "simulate": (
+        ("simulate", "lift.toml", "--command", "valve.csv", "--plot"),
+        ("lift-simulated.csv", "lift-simulated.png"),
+    ),
+    "sweep": (SWEEP, ("lift-sweep.nc", "lift-sweep.png")),
+    "store": ((*SWEEP, "--out", "lift.zarr", "--no-picture"), ("lift.zarr",)),
+    "diagnose": (("diagnose", "lift.csv", "--out", "new/folder"), ("new",)),
+    "compare": (("compare", "a/result.json", "b/result.json"), ("jaxmuscle-comparison.html",)),
+}
+"""Command → its arguments and what it writes."""
+FEWEST = {"init": 5, "simulate": 5, "sweep": 5, "store": 2, "diagnose": 5, "compare": 3}
+"""Moments at which a command can be killed, at least: a new file, its content, its place, for each."""
+APART = {"store": 7}
+"""Of how many moments one is tried, where not all are."""
+CODE = """
+import jaxmuscle.diagnosis
+from jaxmuscle.cli import main
+from report.fake import diagnosis
+jaxmuscle.diagnosis.diagnose = lambda *_, **__: diagnosis("effects found")
+main()
+"""
+"""The program; what a diagnosis finds is not in question here."""
+COUNTED = [pytest.param(name, marks=[] if name == "init" else pytest.mark.slow) for name in COMMANDS]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with what the commands read."""
+    place = tmp_path / "here"
+    place.mkdir()
+    for name in ("lift.csv", "lift.toml", "swing.csv"):
+        shutil.copyfile(jm.sample("lift").parent / name, place / name)
+    time = 0.002 * np.arange(50)
+    pd.DataFrame({"t_s": time, "valve_V": 5 * np.sin(9 * time)}).to_csv(place / "valve.csv", index=False)
+    return place
+
+
+def program(folder: Path, moment: int, *arguments: str, before: str = "") -> subprocess.CompletedProcess[str]:
+    """Run the program in `folder`, from a shell that has done `before`."""
+    script = f'{before}cd "$0" && exec "$@"'
+    tests = Path(__file__).parents[1]
+    call = [sys.executable, str(tests / "killed.py"), str(moment), CODE, *arguments]
+    paths = os.pathsep.join([str(tests), *sys.path])
+    return subprocess.run(
+        ["sh", "-c", script, str(folder), *call],
+        text=True,
+        capture_output=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": paths},
+    )
+
+
+def visible(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file has its end, a folder its files and a store its mark."""
+    if path.is_dir():
+        inner = path / "folder"
+        store = path / "zarr.json"
+        names = ["card.toml", "report.html", "result.json"]
+        whole = inner.is_dir() and sorted(p.name for p in inner.iterdir()) == names
+        return "jaxmuscle_sweep" in store.read_text() if store.exists() else whole
+    content = path.read_bytes()
+    if path.suffix == ".png":
+        return content.endswith(b"IEND\xaeB`\x82")
+    if path.suffix == ".nc":
+        return content.startswith((b"CDF", b"\x89HDF")) and len(content) > 500
+    return content.endswith(b"</html>\n" if path.suffix == ".html" else b"\n")
+
+
+def outcomes(folder: Path) -> None:
+    """Results to be compared."""
+    found = program(folder, 0, "diagnose", "lift.csv", "--out", "a", "--no-report")
+    assert found.returncode == 0, found.stderr
+    shutil.copytree(folder / "a", folder / "b")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_killed_at_any_moment(folder: Path, name: str) -> None:
+    arguments, files = COMMANDS[name]
+    if name == "compare":
+        outcomes(folder)
+    before, seen = visible(folder), 0
+    for moment in range(1, 400, APART.get(name, 1)):
+        ended = program(folder, moment, *arguments)
+        there = visible(folder) - before
+        assert all(is_whole(folder / file) for file in there), (moment, there)
+        if ended.returncode == 0:
+            break
+        assert ended.returncode == -signal.SIGKILL, ended.stderr
+        seen += 1
+        # Two files beside others take their places one after the other: a moment lies between them.
+        assert there in (set(), set(files), {files[0]}), moment
+        for file in there:
+            shutil.rmtree(folder / file) if (folder / file).is_dir() else (folder / file).unlink()
+    assert seen >= FEWEST[name]
+    # What those that were killed have left is gone now.
+    assert {path.name for path in folder.iterdir()} == before | set(files)
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_files_that_may_not_grow(folder: Path, name: str) -> None:
+    """As on a full disk, the writing of a file is refused in its middle; what stood there stays."""
+    arguments, files = COMMANDS[name]
+    if name == "compare":
+        outcomes(folder)
+    if name not in ("init", "store", "diagnose"):
+        (folder / files[0]).write_text("older")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    limit = "ulimit -f 0 && " if name == "store" else "ulimit -f 1 && "
+    ended = program(folder, 0, *arguments, before=limit)
+    assert ended.returncode == BAD_INPUT, ended.stderr
+    assert "cannot write" in ended.stderr and files[0].split(".")[0] in ended.stderr
+    assert "File too large; the system limits the size of files" in ended.stderr
+    assert "Traceback" not in ended.stderr and "Exception ignored" not in ended.stderr
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+MOUNT = 'mount -t tmpfs -o size={size} tmpfs "$0" && cp -r "$0".saved/. "$0" && {then} && '
+DISKS = {
+    "full": ("2m", 'dd if=/dev/zero of="$0/fill" bs=4096 2>/dev/null; true'),
+    "read-only": ("2m", 'mount -o remount,ro "$0"'),
+}
+"""Disks of one's own: their size, and what is done to them."""
+SAID = {
+    "full": "No space left on device; free some space, or name a place on another disk",
+    "read-only": "no permission to write into",
+}
+
+
+@pytest.mark.parametrize("disk", DISKS)
+def test_disks_that_take_nothing(folder: Path, disk: str) -> None:
+    namespace = ["unshare", "--user", "--map-root-user", "--mount"]
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run([*namespace, "true"], capture_output=True).returncode
+    ):
+        pytest.skip("needs a system that lets its users mount a disk of their own")
+    (folder / "lift.csv").unlink()
+    shutil.copytree(folder, f"{folder}.saved")
+    size, then = DISKS[disk]
+    script = MOUNT.format(size=size, then=then) + (
+        'cd "$0" && { "$@"; echo "status $?"; echo left $(ls -A); umount -l . ; }'
+    )
+    call = [sys.executable, "-m", "jaxmuscle.cli", *COMMANDS["init"][0]]
+    ended = subprocess.run(
+        [*namespace, "sh", "-c", script, str(folder), *call],
+        text=True,
+        capture_output=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert SAID[disk] in ended.stderr and "Traceback" not in ended.stderr, ended.stderr
+    assert "swing.toml" in ended.stderr
+    assert f"status {BAD_INPUT}" in ended.stdout
+    left = ended.stdout.split("left ")[1].split()
+    assert set(left) - {"fill"} == {"lift.toml", "swing.csv", "valve.csv"}
