@@ -3,10 +3,12 @@ closes them over a machine.
 """
 
 from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
 from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
+from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
 
@@ -16,10 +18,12 @@ __all__ = [
     "Attached",
     "ClosedLoop",
     "Controller",
+    "FeedForward",
     "FuzzyPID",
     "IntegralInversePID",
     "JointModel",
     "LinearQuadratic",
+    "ModelInverse",
     "ProportionalForce",
     "Reference",
     "ScheduledPID",
@@ -28,4 +32,5 @@ __all__ = [
     "closed_loop",
     "feedback_on",
     "linear_quadratic",
+    "model_inverse",
 ]

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators import RIGS, Actuation
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.sliding_mode import Reference
 from jaxmuscle.errors import InputError, nearest
@@ -80,19 +80,25 @@ class Attached(eqx.Module):
     @property
     def _limits(self) -> tuple[Array, Array]:
         """Outputs u beyond which no command changes any more."""
-        acts = self.direction != 0
-        divisor = jnp.where(acts, self.direction, 1.0)
-        ends = [self._output_at(limit, divisor) for limit in (self.lowest, self.highest)]
-        # Of a command that the output does not move there is nothing to be said.
-        lower = jnp.where(acts, jnp.minimum(*ends), jnp.inf).min()
-        upper = jnp.where(acts, jnp.maximum(*ends), -jnp.inf).max()
-        return lower, upper
+        return output_limits(Actuation(self.rest, self.direction, self.lowest, self.highest))
 
-    def _output_at(self, command: Array, divisor: Array) -> Array:
-        """Outputs that lead to commands, which may be infinite; without a derivative that is none."""
-        some = jnp.isfinite(command)
-        there = (jnp.where(some, command, 0.0) - self.rest) / divisor
-        return jnp.where(some, there, command * jnp.sign(divisor))
+
+def output_limits(acts: Actuation) -> tuple[Array, Array]:
+    """Lowest and highest output u beyond which no command changes any more."""
+    moves = acts.direction != 0
+    divisor = jnp.where(moves, acts.direction, 1.0)
+    ends = [_output_at(limit, acts.rest, divisor) for limit in (acts.lowest, acts.highest)]
+    # Of a command that the output does not move there is nothing to be said.
+    lower = jnp.where(moves, jnp.minimum(*ends), jnp.inf).min()
+    upper = jnp.where(moves, jnp.maximum(*ends), -jnp.inf).max()
+    return lower, upper
+
+
+def _output_at(command: Array, rest: Array, divisor: Array) -> Array:
+    """Outputs that lead to commands, which may be infinite; without a derivative that is none."""
+    some = jnp.isfinite(command)
+    there = (jnp.where(some, command, 0.0) - rest) / divisor
+    return jnp.where(some, there, command * jnp.sign(divisor))
 
 
 def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLike) -> Attached:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,6 +35,11 @@ class Reference(NamedTuple):
     angle: Value
     velocity: Value
     acceleration: Value
+
+
+def target_of(reference: Any) -> Any:
+    """What the reading is to be, of a reference: the angle of a :class:`Reference`."""
+    return reference.angle if isinstance(reference, Reference) else reference
 
 
 class Sliding(eqx.Module):

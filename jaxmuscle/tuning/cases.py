@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.loop import Controller
-from jaxmuscle.control.sliding_mode import Reference
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameter_names import known_names, resolve
 from jaxmuscle.parameters import get, replace, split_index
@@ -183,11 +183,6 @@ def _reference(scenario: Scenario, where: str) -> Any:
 
 def _floats(leaf: Any) -> NDArray[np.float64]:
     return np.asarray(leaf, dtype=float)
-
-
-def target_of(reference: Any) -> Any:
-    """What the reading is to be, of a reference: the angle of a :class:`~jaxmuscle.control.Reference`."""
-    return reference.angle if isinstance(reference, Reference) else reference
 
 
 def _check_reach(machine: AbstractActuator, reference: Any, reading: str | None, where: str) -> None:

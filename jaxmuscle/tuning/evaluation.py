@@ -18,11 +18,12 @@ from jaxmuscle._config import cores
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import ClosedLoop, closed_loop
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.optimization.levenberg_marquardt import Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
-from jaxmuscle.tuning.cases import Case, Sensed, Stacked, target_of
+from jaxmuscle.tuning.cases import Case, Sensed, Stacked
 from jaxmuscle.tuning.cost_terms import Objective
 from jaxmuscle.tuning.gains import Movable
 

@@ -17,12 +17,13 @@ from jaxtyping import Float
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.request import Bounds, factors, seconds, whole
 from jaxmuscle.estimation.starting_points import given_starts, spread_starts
 from jaxmuscle.optimization.levenberg_marquardt import best
-from jaxmuscle.tuning.cases import Stacked, stacked, target_of
+from jaxmuscle.tuning.cases import Stacked, stacked
 from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
