@@ -10,7 +10,7 @@ from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
-from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
+from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode, joint_model
 
 __all__ = [
     "MACVICAR_WHELAN",
@@ -31,6 +31,7 @@ __all__ = [
     "StaticCurve",
     "closed_loop",
     "feedback_on",
+    "joint_model",
     "linear_quadratic",
     "model_inverse",
 ]

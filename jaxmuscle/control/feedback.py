@@ -120,7 +120,7 @@ def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLi
             the rig does not have.
     """
     channel = actuator.declared_channel()
-    _check_units(actuator, controller)
+    check_units(actuator, controller)
     known = inspect.signature(actuator.actuation).parameters
     if unknown := [name for name in settings if name not in known]:
         raise InputError(
@@ -129,8 +129,8 @@ def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLi
     return Attached(controller, channel.reading, *actuator.actuation(**settings))
 
 
-def _check_units(actuator: AbstractActuator, controller: Any) -> None:
-    """Raise `InputError` for a controller whose gains are in the units of another kind of rig."""
+def check_units(actuator: AbstractActuator, controller: Any) -> None:
+    """Raise `InputError` for a controller, or a kind of one, with gains in units of another kind of rig."""
     units: Any = getattr(controller, "reads", None), getattr(controller, "gives", None)
     own = _units(type(actuator))
     if None in units or all(map(is_same_unit, own, units)):
@@ -140,9 +140,10 @@ def _check_units(actuator: AbstractActuator, controller: Any) -> None:
         for name, rig in RIGS.items()
         if rig.channel is not None and all(map(is_same_unit, _units(rig), units))
     ]
+    name = (controller if isinstance(controller, type) else type(controller)).__name__
     read, given = (KINDS.get(unit, (unit, ""))[0] for unit in units)
     raise InputError(
-        f"{type(controller).__name__} turns {read} into {given}: expected rig "
+        f"{name} turns {read} into {given}: expected rig "
         f"{' or '.join(fitting) or 'none'}; got {actuator.rig!r}, whose channel turns {own[0]} into {own[1]}"
     )
 

@@ -22,6 +22,7 @@ from jaxmuscle.hysteresis import IntegralInverse
 
 ONE, PAIR = jnp.ones(()), jnp.ones(2)
 GOOD = {
+    control.FeedForward: (built(control.ModelInverse, [0.0, 1.0], [0.0, 1.0]),),
     control.FuzzyPID: (0.3, 2.0, 1e5, 1e5),
     control.IntegralInversePID: (None, 0.1, 0.5, 0.0),
     control.PID: (2e5, 1e5, 1e4),
@@ -52,7 +53,7 @@ def test_every_controller_is_here():
     controllers = {
         thing for thing in vars(control).values() if inspectable(thing) and hasattr(thing, "__check_init__")
     }
-    assert controllers - {control.StaticCurve} == set(GOOD)
+    assert controllers - {control.StaticCurve, control.ModelInverse} == set(GOOD)
 
 
 def inspectable(thing):
