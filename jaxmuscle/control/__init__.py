@@ -2,10 +2,20 @@
 closes them over a machine.
 """
 
+from jaxmuscle.control.channel_model import ChannelModel, channel_model
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
+from jaxmuscle.control.iterative_learning import (
+    InverseLearning,
+    Learned,
+    ProportionalLearning,
+    contraction,
+    inverse_learning,
+    learn,
+    repeated,
+)
 from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
@@ -16,22 +26,31 @@ __all__ = [
     "MACVICAR_WHELAN",
     "PID",
     "Attached",
+    "ChannelModel",
     "ClosedLoop",
     "Controller",
     "FeedForward",
     "FuzzyPID",
     "IntegralInversePID",
+    "InverseLearning",
     "JointModel",
+    "Learned",
     "LinearQuadratic",
     "ModelInverse",
     "ProportionalForce",
+    "ProportionalLearning",
     "Reference",
     "ScheduledPID",
     "SlidingMode",
     "StaticCurve",
+    "channel_model",
     "closed_loop",
+    "contraction",
     "feedback_on",
+    "inverse_learning",
     "joint_model",
+    "learn",
     "linear_quadratic",
     "model_inverse",
+    "repeated",
 ]
