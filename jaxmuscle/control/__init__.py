@@ -3,6 +3,7 @@ closes them over a machine.
 """
 
 from jaxmuscle.control.channel_model import ChannelModel, channel_model
+from jaxmuscle.control.command_knots import CommandKnots, command_knots
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
@@ -19,6 +20,7 @@ from jaxmuscle.control.iterative_learning import (
 from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
+from jaxmuscle.control.model_predictive import ModelPredictive, model_predictive
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode, joint_model
 
@@ -28,6 +30,7 @@ __all__ = [
     "Attached",
     "ChannelModel",
     "ClosedLoop",
+    "CommandKnots",
     "Controller",
     "FeedForward",
     "FuzzyPID",
@@ -37,6 +40,7 @@ __all__ = [
     "Learned",
     "LinearQuadratic",
     "ModelInverse",
+    "ModelPredictive",
     "ProportionalForce",
     "ProportionalLearning",
     "Reference",
@@ -45,6 +49,7 @@ __all__ = [
     "StaticCurve",
     "channel_model",
     "closed_loop",
+    "command_knots",
     "contraction",
     "feedback_on",
     "inverse_learning",
@@ -52,5 +57,6 @@ __all__ = [
     "learn",
     "linear_quadratic",
     "model_inverse",
+    "model_predictive",
     "repeated",
 ]

@@ -17,6 +17,8 @@ from jaxmuscle.errors import InputError, nearest
 
 BAND, EDGE = 0.02, 0.2
 """Half-width of the band of a settled error, of the range of the motion; of its smooth edge, of the band."""
+LAST = 0.1
+"""Share of the samples, the last ones, at which a motion has to have arrived."""
 
 
 class Seen(NamedTuple):
@@ -84,6 +86,12 @@ def settling(seen: Seen) -> Array:
     return seen.step * jnp.where(seen.counts, outside, 0.0).sum()
 
 
+def arrival(seen: Seen) -> Array:
+    """Root mean square of the error over the last tenth of the samples: to be there, and at rest."""
+    late = seen.counts & (jnp.cumsum(seen.counts) > (1 - LAST) * seen.counts.sum())
+    return _root_mean(seen.error, late)
+
+
 def effort(seen: Seen) -> Array:
     """Root mean square of the command's distance from rest."""
     return _root_mean(seen.commands - seen.rest, seen.counts)
@@ -95,7 +103,7 @@ def variation(seen: Seen) -> Array:
 
 
 TERMS: dict[str, Callable[[Seen], Array]] = {
-    term.__name__: term for term in (tracking, peak, overshoot, settling, effort, variation)
+    term.__name__: term for term in (tracking, peak, overshoot, settling, arrival, effort, variation)
 }
 """Name → function whose sum of squares is the square of the term's value."""
 
@@ -155,7 +163,7 @@ def units(actuator: AbstractActuator, reading: str | None) -> dict[str, str]:
         actuator.column(actuator.commands[0]).unit,
     )
     return {
-        **dict.fromkeys(("tracking", "peak", "overshoot"), own),
+        **dict.fromkeys(("tracking", "peak", "overshoot", "arrival"), own),
         "settling": "s",
         "effort": command,
         "variation": rate_unit(command),

@@ -77,13 +77,13 @@ def tune(
         scenarios: on which it is tuned; :func:`~jaxmuscle.tuning.grid` and :func:`~jaxmuscle.tuning.drawn`
             make many.
         objective: term → its size that costs one, in SI, of "tracking" (root mean square error), "peak"
-            (largest error), "overshoot", "settling" [s], "effort" (root mean square of the command's distance
-            from rest) and "variation" (of its rate); or a function (run, reference) → residuals, whose
-            squares add up to the cost of a scenario, or that cost as one number, not below zero. By default
-            tracking, 1 % of the range of the references.
+            (largest error), "overshoot", "settling" [s], "arrival" (error over the last tenth), "effort"
+            (root mean square of the command's distance from rest) and "variation" (of its rate); or a
+            function (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
+            cost as one number, not below zero. By default tracking, 1 % of the range of the references.
         held_out: scenarios for the last word.
         free: gains that are tuned, entries of arrays as ``layers[0].weight[1,2]``; when `None` those that
-            the controller's class names in `gains` and that are not zero, else all its arrays.
+            the controller names in `gains`, without parameters that are zero, else all its arrays.
         bounds: gain → (lower, upper) in SI, `None` on a side without one. A gain that is declared positive
             or not negative keeps its sign without them.
         worst: p, at least 1: the mean at 1, ever more the worst scenario beyond (8 is near it).
