@@ -95,7 +95,8 @@ def tune(
         list[str] | None,
         typer.Option(
             help="What is made small, TERM=SIZE[:UNIT], a SIZE that costs one: tracking, peak, overshoot, "
-            "settling, arrival, effort, variation. Tracking, 1 % of the references' range, when not given."
+            "settling, arrival, effort, variation, sensitivity. Tracking, 1 % of the references' range, when "
+            "not given."
         ),
     ] = None,
     gain: Annotated[

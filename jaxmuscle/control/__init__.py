@@ -23,6 +23,7 @@ from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
 from jaxmuscle.control.model_predictive import ModelPredictive, model_predictive
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode, joint_model
+from jaxmuscle.control.stability_margins import Margins, margins
 
 __all__ = [
     "MACVICAR_WHELAN",
@@ -39,6 +40,7 @@ __all__ = [
     "JointModel",
     "Learned",
     "LinearQuadratic",
+    "Margins",
     "ModelInverse",
     "ModelPredictive",
     "ProportionalForce",
@@ -56,6 +58,7 @@ __all__ = [
     "joint_model",
     "learn",
     "linear_quadratic",
+    "margins",
     "model_inverse",
     "model_predictive",
     "repeated",

@@ -80,7 +80,7 @@ def concluded(
         after=judged[1],
         held_out_before=judged[2] if unseen else None,
         held_out_after=judged[3] if unseen else None,
-        units=units(rig.actuator, rig.objective.reading),
+        units=units(rig.actuator, rig.objective.reading, rig.objective.margin),
         code=code,
         notes=(),
         traces=_traces(evaluation, groups),

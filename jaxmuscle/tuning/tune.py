@@ -78,8 +78,10 @@ def tune(
             make many.
         objective: term → its size that costs one, in SI, of "tracking" (root mean square error), "peak"
             (largest error), "overshoot", "settling" [s], "arrival" (error over the last tenth), "effort"
-            (root mean square of the command's distance from rest) and "variation" (of its rate); or a
-            function (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
+            (root mean square of the command's distance from rest), "variation" (of its rate) and
+            "sensitivity" (1 over the modulus margin of the loop, linearised at rest under an output of zero
+            and without dry friction: :func:`~jaxmuscle.control.margins`; of a stable loop); or a function
+            (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
             cost as one number, not below zero. By default tracking, 1 % of the range of the references.
         held_out: scenarios for the last word.
         free: gains that are tuned, entries of arrays as ``layers[0].weight[1,2]``; when `None` those that
@@ -172,6 +174,10 @@ def prepared(
     gains = gains_of(inner, free, bounds)
     rows = tuple(range(len(training)))
     goal = _objective(objective, all_of_them, rows, followed, attached)
+    if goal.margin:
+        if attached is None:
+            raise InputError("objective: the sensitivity is that of a controller of one reading")
+        all_of_them = all_of_them.linearised(actuator)
     rig = Rig(
         actuator,
         gains.movable,
