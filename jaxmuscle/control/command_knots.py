@@ -63,14 +63,17 @@ def command_knots(
     seconds: float,
     knots: int = 20,
     span: float | None = None,
+    first: ArrayLike = 0.0,
     **settings: ArrayLike,
 ) -> CommandKnots:
-    """Knots for a rig's channel, equally far apart, that do nothing yet.
+    """Knots for a rig's channel, equally far apart, that do nothing yet, or what they are told.
 
     Args:
         seconds: from the first to the last of them.
         knots: how many.
         span: output of a value of one; the farthest one that the rig's commands allow when `None`.
+        first: values to begin with. A machine that dry friction holds has no slopes: begin with a command
+            that moves it.
         settings: of the rig's `actuation`, as for :func:`feedback_on`.
 
     Raises:
@@ -90,4 +93,5 @@ def command_knots(
             "may be: span="
         )
     made: Any = CommandKnots
-    return made(jnp.zeros(knots), jnp.linspace(0.0, seconds, knots), farthest if span is None else span)
+    values = jnp.broadcast_to(jnp.asarray(first, dtype=float), (knots,))
+    return made(values, jnp.linspace(0.0, seconds, knots), farthest if span is None else span)

@@ -22,9 +22,7 @@ SIZES = {"arrival": 0.2, "effort": 1.0}
 
 
 def run(values, knots=5):
-    loop = feedback_on(
-        fan(), dataclasses.replace(command_knots(fan(), 0.8, knots), values=jnp.asarray(values))
-    )
+    loop = feedback_on(fan(), command_knots(fan(), 0.8, knots, first=jnp.asarray(values)))
     return closed_loop(fan(), loop, TARGET, TIMES, start=START)
 
 
