@@ -55,7 +55,7 @@ class Quickening(eqx.Module):
         """Not begun: at the first reference it rests."""
         return Quickened(jnp.zeros_like(self.b), jnp.asarray(False))
 
-    def update(self, state: Quickened, target: Scalar) -> tuple[Quickened, Scalar]:
+    def update(self, state: Quickened, target: Scalar | float) -> tuple[Quickened, Scalar]:
         """The state after a sample, and the reading at rest under the output that it gives."""
         about = target - self.rest
         model = jnp.where(state.begun, state.model, about * self.settled)
@@ -92,7 +92,7 @@ class ModelInverse(eqx.Module):
         """The state at the first sample; without dynamics there is none."""
         return None if self.dynamics is None else self.dynamics.start()
 
-    def update(self, state: Any, target: Scalar, step: float | Scalar) -> tuple[Any, Scalar]:
+    def update(self, state: Any, target: Scalar | float, step: float | Scalar) -> tuple[Any, Scalar]:
         """The state after a sample, and the output u that leads to the target."""
         if self.dynamics is not None:
             state, target = self.dynamics.update(state, target)

@@ -133,8 +133,9 @@ def margins(
     through = size[:-1] >= 1
     crossing = np.flatnonzero(through != (size[1:] >= 1))
     phases = [_angle_between(angle[crossing + side]) for side in (0, 1)]
-    negative = np.flatnonzero(np.diff(np.signbit(loop.imag)) & (loop.real[:-1] < 0))
-    reached = [np.abs(loop.real[negative + side]) for side in (0, 1)]
+    real, imaginary = np.real(loop), np.imag(loop)
+    negative = np.flatnonzero(np.diff(np.signbit(imaginary)) & (real[:-1] < 0))
+    reached = [np.abs(real[negative + side]) for side in (0, 1)]
     sizes = np.concatenate(reached)
     largest = sizes[sizes < 1].max(initial=0.0)
     most = float(sensitivity(jnp.asarray(loop)))

@@ -48,7 +48,7 @@ class GaussNewton(optx.AbstractGaussNewton):
     rtol: float = 1e-9
     atol: float = 1e-9
     norm: Callable[[Any], Any] = optx.max_norm
-    descent: NormalEquations = NormalEquations()
+    descent: Any = NormalEquations()
     search: Any = optx.LearningRate(1.0)
     verbose: Callable[..., None] = lambda **_: None
 

@@ -56,7 +56,7 @@ def test_where_the_machine_ends_the_table_does():
     # The muscles of a joint reach their ends long before the pressures do.
     joint = robot_joint(0.64)
     table, (_, end) = model_inverse(joint), joint.stops["angle"]
-    assert float(table.readings[-1]) == pytest.approx(float(end), rel=1e-6)
+    assert float(table.readings[-1]) == pytest.approx(np.asarray(end).item(), rel=1e-6)
     assert float(table.outputs[-1]) < 2e5 and bool((jnp.diff(table.readings) > 0).all())
 
 

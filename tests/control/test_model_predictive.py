@@ -1,5 +1,7 @@
 """Model predictive control: its plan by another optimiser, no error at rest, limits, slopes, what is told."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -83,18 +85,19 @@ def test_slopes_are_those_of_finite_differences():
             assert float(slopes[i]) == pytest.approx(float(difference), rel=1e-5)
 
 
+HALF: Any = 1.5
 RATES = Reference(*map(jnp.asarray, (160.0, 0.0, 0.0)))
 BAD = {
     "move": (lambda: model_predictive(fan(), STEP, error=1.0, move=0.0), "expected move"),
     "blocks": (lambda: model_predictive(fan(), STEP, error=1.0, move=1.0, blocks=0), "blocks: expected"),
-    "hold": (lambda: model_predictive(fan(), STEP, error=1.0, move=1.0, hold=1.5), "hold: expected"),
+    "hold": (lambda: model_predictive(fan(), STEP, error=1.0, move=1.0, hold=HALF), "hold: expected"),
     "step": (lambda: model_predictive(fan(), -STEP, error=1.0, move=1.0), "time_step: expected"),
     "no channel": (
         lambda: model_predictive(bench.unsteered(), STEP, error=1.0, move=1.0),
         "declares no control channel",
     ),
     "short sight": (lambda: run(fan(), PLANNED, np.ones((120, 3))), "one number, or 5 at each sample"),
-    "rates": (lambda: PLANNED.update(PLANNED.start(), RATES, 160.0, STEP), "control.Reference"),
+    "rates": (lambda: PLANNED.update(PLANNED.start(), RATES, jnp.asarray(160.0), STEP), "control.Reference"),
 }  # fmt: skip
 
 

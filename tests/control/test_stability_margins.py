@@ -1,6 +1,6 @@
 """Margins by hand, beside python-control, at the edge of stability, with delays; their slopes; as a term."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import control as python_control
 import equinox as eqx
@@ -38,9 +38,8 @@ def test_a_proportional_loop_by_hand():
 
 def test_beside_python_control():
     pid = built(PID, 0.2, 0.8, smoothing=0.0)
-    z = python_control.tf([1, 0], [1], STEP)
-    plant = python_control.tf([PUSH], [1, -DECAY], STEP)
-    loop = plant * (0.2 + 0.8 * STEP * z / (z - 1)) * python_control.tf([1], [1, 0], STEP) ** 2
+    z: Any = python_control.tf([1, 0], [1], STEP)
+    loop = PUSH / (z - DECAY) * (0.2 + 0.8 * STEP * z / (z - 1)) / z**2
     gain, phase, stability, *_ = python_control.stability_margins(loop)
     delayed = fan().with_effects(command_delay=built(CommandDelay, 2 * STEP))
     found = margins(delayed, pid, STEP)
