@@ -9,6 +9,7 @@ from jaxtyping import ArrayLike
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from jaxmuscle.actuators import Actuation
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.analysis import OperatingPoint, equilibrium, linearise
 from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect
@@ -67,20 +68,26 @@ def channel_model(
             jumps with the command.
     """
     channel, acts = actuator.declared_channel(), actuator.actuation(**settings)
+    return sampled_model(actuator, step, channel.reading, acts, point)
+
+
+def sampled_model(
+    actuator: AbstractActuator, step: float, reading: str, acts: Actuation, point: OperatingPoint | None
+) -> ChannelModel:
+    """The model of :func:`channel_model` of any reading, with outputs that act on the commands by `acts`."""
     if not 0 < step < np.inf:
         raise InputError(f"step: expected a time above zero [s]; got {step!r}")
     point = equilibrium(actuator, acts.rest) if point is None else point
     linear = linearise(actuator, point)
     direction = np.atleast_1d(np.asarray(acts.direction, dtype=float))
-    row = linear.outputs.index(actuator.outputs[channel.reading][0])
+    row = linear.outputs.index(actuator.outputs[reading][0])
     if np.any(np.asarray(linear.d)[row] != 0):
         raise InputError(
-            f"expected a reading that moves with the states; the {channel.reading} jumps with the command"
+            f"expected a reading that moves with the states; the {reading} jumps with the command"
         )
     a, b = _held(np.asarray(linear.a), np.asarray(linear.b) @ direction, step)
-    return ChannelModel(
-        a, b, np.asarray(linear.c, dtype=float)[row], float(point.readings[row]), linear.states
-    )
+    c = np.asarray(linear.c, dtype=float)[row]
+    return ChannelModel(a, b, c, float(point.readings[row]), linear.states)
 
 
 def without_dry_friction(actuator: AbstractActuator) -> AbstractActuator:

@@ -114,7 +114,8 @@ def model_inverse(
     The machine is let come to rest under outputs over a range (:func:`~jaxmuscle.analysis.equilibrium`,
     differentiable by its parameters); of the table the longest part is kept over which the reading rises:
     ends of the travel and dead zones fall away. Dry friction is left out: it would hold the machine anywhere.
-    Inside a transformation nothing can be left away: choose `outputs` over which the reading rises. A machine
+    Inside a transformation nothing can be left away: choose `outputs` over which the reading rises, and leave
+    out the quickness, whose design is not made of JAX. A machine
     with hysteresis between command and reading has no such table; its inverse is an
     :class:`~jaxmuscle.hysteresis.IntegralInverse` or :class:`~jaxmuscle.hysteresis.AnalyticInverse`.
 

@@ -13,10 +13,11 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from numpy.typing import NDArray
 
 from jaxmuscle._linalg import solve
+from jaxmuscle.actuators import Actuation
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.analysis import equilibrium
-from jaxmuscle.control.channel_model import ChannelModel, channel_model, without_dry_friction
-from jaxmuscle.control.feedback import Attached
+from jaxmuscle.control.channel_model import ChannelModel, sampled_model, without_dry_friction
+from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.sliding_mode import Reference
 from jaxmuscle.effects import CommandDelay
 
@@ -48,15 +49,16 @@ def frequencies(step: float) -> Float[np.ndarray, " points"]:
 
 
 def machine_response(
-    actuator: AbstractActuator, step: float, about: float = 0.0, **settings: ArrayLike
+    actuator: AbstractActuator, step: float, attached: Attached, about: float = 0.0
 ) -> tuple[ChannelModel, Complex[np.ndarray, " points"]]:
-    """The channel of a machine at rest under an output, and its response at :func:`frequencies`.
+    """A machine at rest under an output of a controller, linearised; its response at :func:`frequencies`.
 
     Dry friction, which holds a linearised machine, is left out; a delay of the command is not.
     """
     smooth = without_dry_friction(actuator)
-    acts = smooth.actuation(**settings)
-    model = channel_model(smooth, step, equilibrium(smooth, acts.rest + acts.direction * about), **settings)
+    acts = Actuation(attached.rest, attached.direction, attached.lowest, attached.highest)
+    point = equilibrium(smooth, acts.rest + acts.direction * about)
+    model = sampled_model(smooth, step, attached.reading, acts, point)
     late = sum(float(e.delay) for e in smooth.effects.values() if isinstance(e, CommandDelay))
     z = np.exp(1j * frequencies(step) * step)
     inner = z[:, None, None] * np.eye(len(model.a)) - model.a
@@ -121,13 +123,15 @@ def margins(
         step: sampling step of the loop [s].
         about: output at which the machine rests.
         rates: whether the controller follows a :class:`Reference`.
-        settings: of the rig's `actuation`, as for :func:`feedback_on`.
+        settings: of the rig's `actuation`, as for :func:`feedback_on`, where it is not attached.
 
     Raises:
-        InputError: as :func:`channel_model`.
+        InputError: as :func:`feedback_on` and :func:`channel_model`.
     """
-    inner = controller.controller if isinstance(controller, Attached) else controller
-    model, response = machine_response(actuator, step, about, **settings)
+    own = isinstance(controller, Attached)
+    attached = controller if own else feedback_on(actuator, controller, **settings)
+    inner = attached.controller
+    model, response = machine_response(actuator, step, attached, about)
     loop = np.asarray(loop_response(inner, jnp.asarray(response), model.rest, step, rates))
     size, angle = np.abs(loop), np.unwrap(np.angle(loop))
     through = size[:-1] >= 1

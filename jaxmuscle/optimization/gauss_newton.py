@@ -42,6 +42,10 @@ class NormalEquations(optx.AbstractDescent):
         return -step_size * state.step, optx.RESULTS.successful
 
 
+def _silent(**_: Any) -> None:
+    """Tell nothing of a step."""
+
+
 class GaussNewton(optx.AbstractGaussNewton):
     """Gauss and Newton's method with the normal equations and whole steps."""
 
@@ -50,7 +54,7 @@ class GaussNewton(optx.AbstractGaussNewton):
     norm: Callable[[Any], Any] = optx.max_norm
     descent: Any = NormalEquations()
     search: Any = optx.LearningRate(1.0)
-    verbose: Callable[..., None] = lambda **_: None
+    verbose: Callable[..., None] = _silent
 
 
 def gauss_newton(

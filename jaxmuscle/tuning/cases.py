@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import Controller
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.control.stability_margins import machine_response
@@ -98,11 +99,11 @@ class Stacked:
             own = list(rows[first : first + size])
             yield self._taken(np.array(own + own[-1:] * (size - len(own)))), len(own)
 
-    def linearised(self, actuator: AbstractActuator) -> Stacked:
+    def linearised(self, actuator: AbstractActuator, attached: Attached) -> Stacked:
         """The same with each scenario's machine linearised at rest under an output of zero."""
         changes, many = self.cases.changes, len(self.names)
         machines = [replace(actuator, {p: v[i] for p, v in changes.items()}) for i in range(many)]
-        found = [machine_response(machine, self.step) for machine in machines]
+        found = [machine_response(machine, self.step, attached) for machine in machines]
         rest = jnp.array([model.rest for model, _ in found])
         linear = Linearised(jnp.asarray(np.stack([response for _, response in found])), rest)
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, linear=linear))

@@ -177,7 +177,7 @@ def prepared(
     if goal.margin:
         if attached is None:
             raise InputError("objective: the sensitivity is that of a controller of one reading")
-        all_of_them = all_of_them.linearised(actuator)
+        all_of_them = all_of_them.linearised(actuator, attached)
     rig = Rig(
         actuator,
         gains.movable,
