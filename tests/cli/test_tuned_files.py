@@ -209,7 +209,7 @@ BEGUN = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["lqg", "sliding-mode"])
+@pytest.mark.parametrize("name", ["feedforward", "lqg", "sliding-mode"])
 def test_every_controller_of_a_joint_is_tuned_from_the_command_line(run: Run, name: str) -> None:
     outcome = run(
         "tune", SWING, "--controller", name, "--reference", "wave.csv", "--draws", "0", "--starts", "1",
