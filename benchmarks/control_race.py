@@ -8,7 +8,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import cma
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+import optuna
 from closed_loop_joint import AMBIENT, INERTIAS, begun
 from measured_rows import faster
 from published_rows import Row
@@ -28,8 +32,11 @@ MOST = 1500
 """Costs that a method without gradients may ask for."""
 NEAR = 1.02
 """Cost, over a goal, at which a method has arrived."""
-STARTS = 8
+STARTS = {3: 8, 6: 8, 31: 1}
+"""Starts of the descent by the number of gains; a network begins where it is."""
 SEEDS = (1, 2, 3)
+RANGE = 3.0
+"""Half the range in which Bayesian optimisation seeks each coordinate, about the start."""
 
 
 class Race(NamedTuple):
@@ -59,15 +66,42 @@ class Watched:
         return cost
 
 
+class Network(eqx.Module):
+    """Six hidden units of tanh from error, its integral and its rate to the pressure difference [Pa]."""
+
+    inner: eqx.nn.MLP
+
+    def start(self) -> Any:
+        return jnp.zeros(2)
+
+    def update(self, state: Any, wanted: Any, measured: Any, step: Any) -> tuple[Any, Any]:
+        error = wanted - measured
+        grown = state[0] + step * error
+        seen = jnp.stack([error / 0.1, grown / 0.1, (error - state[1]) / step / 2.0])
+        return jnp.stack([grown, error]), 2e5 * self.inner(seen)
+
+
+def network() -> Network:
+    """One of 31 weights."""
+    return Network(eqx.nn.MLP(3, "scalar", 6, 1, activation=jnp.tanh, key=jax.random.key(0)))
+
+
 def problem(gains: int) -> tuple[Any, Any, list[jm.tuning.Scenario]]:
-    """Joint 1 of [T] under a PID (3 gains) or its variable-structure controller (6), with two payloads."""
+    """Joint 1 of [T] with two payloads under a PID (3 gains), its variable-structure controller (6) or a
+    network (31).
+    """
     joint = jm.robot.robot_joint(INERTIAS[0])
     angle, turn = 0.3 * (1 - np.cos(2 * TIMES)), 2.0
     rates = 0.3 * turn * np.sin(turn * TIMES), 0.3 * turn**2 * np.cos(turn * TIMES)
     kind: Any = PID
     rest = {"pressure": np.full(2, AMBIENT + MEAN_PRESSURE)}
-    controller = kind(5e5, 5e5, 5e4) if gains == 3 else begun(INERTIAS[0], False)[0]
-    reference: Any = angle if gains == 3 else Reference(angle, *rates)  # pyright: ignore[reportArgumentType]
+    made: dict[int, Callable[[], Any]] = {
+        3: lambda: kind(5e5, 5e5, 5e4),
+        6: lambda: begun(INERTIAS[0], False)[0],
+        31: network,
+    }
+    controller = made[gains]()
+    reference: Any = Reference(angle, *rates) if gains == 6 else angle  # pyright: ignore[reportArgumentType]
     over = {"inertia": [INERTIAS[0], 1.5 * INERTIAS[0]]}
     return joint, controller, jm.tuning.grid(reference, TIMES, over, start=rest, noise={"angle": 2e-4})
 
@@ -108,12 +142,14 @@ def descent(gains: int) -> Race:
     RACE.seconds.clear()
     BEGIN.append(time.perf_counter())
     search = Search(evaluation, 100, np.inf, None, lambda message: None, BEGIN[-1])
-    search.from_points(spread_starts(evaluation.unknowns, STARTS, 0), ())
+    search.from_points(spread_starts(evaluation.unknowns, STARTS[gains], 0), ())
     return Race(list(RACE.costs), list(RACE.seconds))
 
 
 def others(gains: int) -> dict[str, Race]:
-    """Nelder and Mead's simplex, and CMA-ES with several seeds, in the same coordinates."""
+    """Nelder and Mead's simplex, CMA-ES with several seeds, and Bayesian optimisation by tree-structured
+    Parzen estimators, in the same coordinates.
+    """
     evaluation = prepared(*problem(gains), SIZES)
     start, cost = evaluation.unknowns.coordinates(evaluation.unknowns.start), cost_of(evaluation)
     cost(start)  # compiles
@@ -125,15 +161,31 @@ def others(gains: int) -> dict[str, Race]:
         options = {"seed": seed, "maxfevals": MOST, "verbose": -9, "tolfun": 1e-4}
         cma.fmin2(own, start, 0.7, options)
         found[f"CMA-ES, seed {seed}"] = own.race
+    found["TPE of optuna"] = bayesian(cost, start)
     return found
 
 
+def bayesian(cost: Callable[[Any], float], start: Any) -> Race:
+    """Tree-structured Parzen estimators of optuna, from the same start, within a box about it."""
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    own, names = Watched(cost), [f"u{i}" for i in range(len(start))]
+
+    def of(trial: Any) -> float:
+        about = zip(names, start, strict=True)
+        return own([trial.suggest_float(name, u - RANGE, u + RANGE) for name, u in about])
+
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=SEEDS[0]))
+    study.enqueue_trial(dict(zip(names, map(float, start), strict=True)))
+    study.optimize(of, n_trials=MOST)
+    return own.race
+
+
 def race_rows() -> Iterator[Row]:
-    """Evaluations and seconds to the same cost, with 3 and with 6 gains.
+    """Evaluations and seconds to the same cost, with 3, 6 and 31 gains.
 
     Each other method has the goal that both it and the descent reach: the higher of their lowest costs.
     """
-    for gains in (3, 6):
+    for gains in (3, 6, 31):
         own, rivals = descent(gains), others(gains)
         print(f"    {gains} gains, descent: lowest cost {min(own.costs):.4g} in {len(own.costs)} "
               f"evaluations, {own.seconds[-1]:.2f} s")  # fmt: skip

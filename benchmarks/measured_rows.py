@@ -86,7 +86,7 @@ def faster(
     `own`, `other`: evaluations and seconds, those of the descent with derivatives; `lead`: lowest cost of the
     descent over the other's.
     """
-    ratio, least = other[0] / own[0], 5 if gains >= 6 else 1
+    ratio, least = other[0] / own[0], 50 if gains >= 30 else 5 if gains >= 6 else 1
     entry = row(name, f"{gains} gains: its evaluations over those of the descent", f"{least}", ratio,
                 ratio >= least, "", "at least", "the same simulations, to a cost that both reach",
                 f"lowest cost of the descent over its own: {lead:.3f}")  # fmt: skip

@@ -61,7 +61,11 @@ MINIMISER = {
 """Mathematics that knows nothing of machines."""
 DOORS = {
     "diffrax": {"simulation/solvers.py"},
-    "optimistix": {"analysis/operating_point.py", "optimization/optimistix_solver.py"},
+    "optimistix": {
+        "analysis/operating_point.py",
+        "optimization/gauss_newton.py",
+        "optimization/optimistix_solver.py",
+    },
 }
 """Libraries that only these modules may import."""
 FILES = sorted(path for path in ROOT.rglob("*.py"))

@@ -73,7 +73,13 @@ def tune(
             "has them; straight lines lead from row to row. May be given several times."
         ),
     ],
-    controller: Annotated[str, typer.Option(help="What is tuned: pid.")] = "pid",
+    controller: Annotated[
+        str,
+        typer.Option(
+            help="What is tuned: pid, feedforward (the model's own inverse and a pid), lqg (designed on the "
+            "linearised model first), fuzzy, sliding-mode (of a joint), force (of a jet pipe)."
+        ),
+    ] = "pid",
     held_out: Annotated[
         list[Path] | None,
         typer.Option(help="Reference for the last word; those that are tuned on when not given."),
@@ -89,7 +95,8 @@ def tune(
         list[str] | None,
         typer.Option(
             help="What is made small, TERM=SIZE[:UNIT], a SIZE that costs one: tracking, peak, overshoot, "
-            "settling, effort, variation. Tracking, 1 % of the references' range, when not given."
+            "settling, arrival, effort, variation, sensitivity. Tracking, 1 % of the references' range, when "
+            "not given."
         ),
     ] = None,
     gain: Annotated[

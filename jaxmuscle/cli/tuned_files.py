@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,13 @@ import numpy as np
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.cli.option_values import Unit, split_option, values_of
 from jaxmuscle.cli.simulated_files import DIGITS, by_column, check_finite, start_of
+from jaxmuscle.cli.starting_controllers import Task, starting_controller
 from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
-from jaxmuscle.control import PID, closed_loop, feedback_on
+from jaxmuscle.control import closed_loop, feedback_on
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameter_names import known_names, resolve
-from jaxmuscle.parameters import Parameter, parameters
+from jaxmuscle.parameters import Parameter
 from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.recordings.read import table_name
@@ -28,19 +29,12 @@ from jaxmuscle.report.tuning_page import tuning_page
 from jaxmuscle.simulation.simulate import simulate
 from jaxmuscle.tuning import TERMS, Scenario, Tuning, tune
 from jaxmuscle.tuning.cost_terms import units
-from jaxmuscle.tuning.gains import gain_unit
 from jaxmuscle.units import Series, is_same_unit
 
-CONTROLLERS: dict[str, Any] = {"pid": PID}
-"""Controllers by the names of ``--controller``."""
 PAYLOAD = "NAME=VALUE,VALUE,…[:UNIT]"
 TERM = "TERM=SIZE[:UNIT]"
-GAIN = "NAME=VALUE[:UNIT]"
 SETTLING = 2.0
 """Time for which the machine comes to rest under the command of no output before a scenario begins [s]."""
-SHARE, INTEGRAL, DERIVATIVE = 0.25, 1.0, 0.05
-"""A PID that nobody has set begins so: at an error of the references' whole range it gives this share of the
-range of its output; integral time and derivative time [s]. A start only, that is not tuned on anything."""
 OTHER_NOISE = 100_000
 """Distance of the seeds of held-out noise from those of the noise that is tuned on."""
 
@@ -86,10 +80,7 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
             channel, a loop that runs away wherever it is begun; nothing is written.
     """
     writable_folder(folder)
-    if request.controller not in CONTROLLERS:
-        raise InputError(
-            f"--controller: unknown {request.controller!r}{nearest(request.controller, CONTROLLERS)}"
-        )
+    begins = starting_controller(request.controller)
     card = Card.read(request.card)
     actuator = actuator_from_card(card)
     column = _followed(actuator, card)
@@ -100,10 +91,11 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
     payloads = _payloads(request.payloads, card, actuator)
     objective = _objective(request.objective, card, actuator, column)
     values = np.concatenate([wanted for _, wanted in references.values()])
-    controller = first_controller(request, actuator, float(np.ptp(np.append(values, 0.0))))
+    task = Task(actuator, float(np.ptp(np.append(values, 0.0))), step, card.noise.get(column, 0.0))
+    controller = begins.with_gains(task, request.gains)
     begin = {**_settled(actuator, step), **start_of(request.start, card)}
     some, others = machines(card, actuator, request.draws, request.seed)
-    make = ScenarioMaker(actuator, card, step, begin, payloads)
+    make = ScenarioMaker(actuator, card, step, begin, payloads, begins.rates)
     training = make.scenarios(references, [{}, *some], request.seed)
     last = others or ([{}] if unseen else [])
     held_out = make.scenarios(unseen or references, last, request.seed + OTHER_NOISE, len(some) + 1)
@@ -122,7 +114,7 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
         stop=lambda: None,
     )
     progress("writing the results")
-    origin = "gains as they were given" if request.gains else "gains guessed from the ranges of the rig"
+    origin = "gains as they were given" if request.gains else begins.origin
     texts = {
         "gains.toml": tuned.to_toml(),
         "report.html": tuning_page(tuned, request.card.stem, card.rig, origin),
@@ -211,44 +203,6 @@ def _objective(
     return found or None
 
 
-def first_controller(request: Request, actuator: AbstractActuator, range_: float) -> Any:
-    """The controller with the gains that are given, else with some to begin with.
-
-    Raises:
-        InputError: an unknown gain, a value that it may not have, a range of the output that nobody has told.
-    """
-    build, given = CONTROLLERS[request.controller], {}
-    blank = build(0.0)
-    known = parameters(blank)
-    for text in request.gains:
-        name, body = split_option(text, "--gain", GAIN)
-        if name not in known:
-            raise InputError(f"--gain: unknown gain {name!r}{nearest(name, known)}")
-        unit = gain_unit(actuator, known[name].unit)
-        (value, *more) = values_of(body, f"--gain {text}", GAIN, Unit(unit, unit))
-        if more:
-            raise InputError(f"--gain {text}: expected {GAIN}, one value")
-        given[name] = float(value)
-    if "proportional" not in given:
-        span = _span(actuator)
-        if not (math.isfinite(span) and range_ > 0):
-            raise InputError(
-                f"the commands of rig {actuator.rig!r} have no limits to guess a gain from: say where to "
-                f"begin, --gain proportional=…:{gain_unit(actuator, known['proportional'].unit)}"
-            )
-        guess = SHARE * span / range_
-        guessed = {"proportional": guess, "integral": guess / INTEGRAL, "derivative": DERIVATIVE * guess}
-        given = {**guessed, **given}
-    return build(**given)
-
-
-def _span(actuator: AbstractActuator) -> float:
-    """Range of a controller's output within which no command is limited; infinite where none is."""
-    _, direction, lowest, highest = (np.atleast_1d(np.asarray(part)) for part in actuator.actuation())
-    acts = direction != 0
-    return float(np.min((highest - lowest)[acts] / np.abs(direction[acts])))
-
-
 def _settled(actuator: AbstractActuator, step: float) -> dict[str, Any]:
     """Measured states after the machine has come to rest under the command of no output."""
     rest = np.asarray(actuator.actuation().rest)
@@ -267,5 +221,5 @@ def _commands(actuator: AbstractActuator, card: Card, tuned: Tuning, scenario: S
     signals = {"time": scenario.clock, **commands, **by_column(actuator, run.readings)}
     table = signal_table(card, signals)
     spec = card.columns[column]
-    table[f"{spec.column}_wanted"] = signal_table(card, {column: scenario.reference})[spec.column]
+    table[f"{spec.column}_wanted"] = signal_table(card, {column: target_of(scenario.reference)})[spec.column]
     return table.to_csv(index=False, float_format=DIGITS, lineterminator="\n")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control import Reference
 from jaxmuscle.errors import InputError
 from jaxmuscle.formatting import quantity
 from jaxmuscle.parameter_names import known_names, resolve
@@ -59,6 +60,7 @@ class ScenarioMaker:
         step: sample time [s].
         begin: measured states at the first sample.
         payloads: name as it was written → parameter, its values (SI).
+        rates: whether the controller follows rates of the reference too; differences from sample to sample.
     """
 
     actuator: AbstractActuator
@@ -66,6 +68,7 @@ class ScenarioMaker:
     step: float
     begin: Mapping[str, Any]
     payloads: Mapping[str, tuple[Parameter, Series]]
+    rates: bool = False
 
     def scenarios(
         self,
@@ -103,7 +106,7 @@ class ScenarioMaker:
         told = [name, *(f"{place.name} {quantity(value, place.unit)}" for place, value in load)]
         told += [f"machine {number}"] if machine else []
         return Scenario(
-            np.interp(clock, time - time[0], wanted),
+            self._reference(np.interp(clock, time - time[0], wanted)),
             clock,
             {**machine, **{place.path: value for place, value in load}},
             self.begin,
@@ -111,6 +114,14 @@ class ScenarioMaker:
             seed=seed,
             name=", ".join(told),
         )
+
+    def _reference(self, wanted: Series) -> Any:
+        """What the controller is told of a reference."""
+        if not self.rates:
+            return wanted
+        velocity = np.gradient(wanted, self.step)
+        told: Any = wanted, velocity, np.gradient(velocity, self.step)
+        return Reference(*told)
 
     def _noise(self) -> dict[str, float]:
         """Reading → standard deviation of its sensor, as the card has it; of several columns the largest."""

@@ -2,30 +2,64 @@
 closes them over a machine.
 """
 
+from jaxmuscle.control.channel_model import ChannelModel, channel_model
+from jaxmuscle.control.command_knots import CommandKnots, command_knots
 from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
+from jaxmuscle.control.iterative_learning import (
+    InverseLearning,
+    Learned,
+    ProportionalLearning,
+    contraction,
+    inverse_learning,
+    learn,
+    repeated,
+)
 from jaxmuscle.control.linear_quadratic import LinearQuadratic, linear_quadratic
 from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
+from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
+from jaxmuscle.control.model_predictive import ModelPredictive, model_predictive
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
-from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode
+from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode, joint_model
+from jaxmuscle.control.stability_margins import Margins, margins
 
 __all__ = [
     "MACVICAR_WHELAN",
     "PID",
     "Attached",
+    "ChannelModel",
     "ClosedLoop",
+    "CommandKnots",
     "Controller",
+    "FeedForward",
     "FuzzyPID",
     "IntegralInversePID",
+    "InverseLearning",
     "JointModel",
+    "Learned",
     "LinearQuadratic",
+    "Margins",
+    "ModelInverse",
+    "ModelPredictive",
     "ProportionalForce",
+    "ProportionalLearning",
     "Reference",
     "ScheduledPID",
     "SlidingMode",
     "StaticCurve",
+    "channel_model",
     "closed_loop",
+    "command_knots",
+    "contraction",
     "feedback_on",
+    "inverse_learning",
+    "joint_model",
+    "learn",
     "linear_quadratic",
+    "margins",
+    "model_inverse",
+    "model_predictive",
+    "repeated",
 ]

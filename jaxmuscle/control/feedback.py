@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxmuscle.actuators import RIGS
+from jaxmuscle.actuators import RIGS, Actuation
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.sliding_mode import Reference
 from jaxmuscle.errors import InputError, nearest
@@ -80,19 +80,25 @@ class Attached(eqx.Module):
     @property
     def _limits(self) -> tuple[Array, Array]:
         """Outputs u beyond which no command changes any more."""
-        acts = self.direction != 0
-        divisor = jnp.where(acts, self.direction, 1.0)
-        ends = [self._output_at(limit, divisor) for limit in (self.lowest, self.highest)]
-        # Of a command that the output does not move there is nothing to be said.
-        lower = jnp.where(acts, jnp.minimum(*ends), jnp.inf).min()
-        upper = jnp.where(acts, jnp.maximum(*ends), -jnp.inf).max()
-        return lower, upper
+        return output_limits(Actuation(self.rest, self.direction, self.lowest, self.highest))
 
-    def _output_at(self, command: Array, divisor: Array) -> Array:
-        """Outputs that lead to commands, which may be infinite; without a derivative that is none."""
-        some = jnp.isfinite(command)
-        there = (jnp.where(some, command, 0.0) - self.rest) / divisor
-        return jnp.where(some, there, command * jnp.sign(divisor))
+
+def output_limits(acts: Actuation) -> tuple[Array, Array]:
+    """Lowest and highest output u beyond which no command changes any more."""
+    moves = acts.direction != 0
+    divisor = jnp.where(moves, acts.direction, 1.0)
+    ends = [_output_at(limit, acts.rest, divisor) for limit in (acts.lowest, acts.highest)]
+    # Of a command that the output does not move there is nothing to be said.
+    lower = jnp.where(moves, jnp.minimum(*ends), jnp.inf).min()
+    upper = jnp.where(moves, jnp.maximum(*ends), -jnp.inf).max()
+    return lower, upper
+
+
+def _output_at(command: Array, rest: Array, divisor: Array) -> Array:
+    """Outputs that lead to commands, which may be infinite; without a derivative that is none."""
+    some = jnp.isfinite(command)
+    there = (jnp.where(some, command, 0.0) - rest) / divisor
+    return jnp.where(some, there, command * jnp.sign(divisor))
 
 
 def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLike) -> Attached:
@@ -114,7 +120,7 @@ def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLi
             the rig does not have.
     """
     channel = actuator.declared_channel()
-    _check_units(actuator, controller)
+    check_units(actuator, controller)
     known = inspect.signature(actuator.actuation).parameters
     if unknown := [name for name in settings if name not in known]:
         raise InputError(
@@ -123,8 +129,8 @@ def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLi
     return Attached(controller, channel.reading, *actuator.actuation(**settings))
 
 
-def _check_units(actuator: AbstractActuator, controller: Any) -> None:
-    """Raise `InputError` for a controller whose gains are in the units of another kind of rig."""
+def check_units(actuator: AbstractActuator, controller: Any) -> None:
+    """Raise `InputError` for a controller, or a kind of one, with gains in units of another kind of rig."""
     units: Any = getattr(controller, "reads", None), getattr(controller, "gives", None)
     own = _units(type(actuator))
     if None in units or all(map(is_same_unit, own, units)):
@@ -134,9 +140,10 @@ def _check_units(actuator: AbstractActuator, controller: Any) -> None:
         for name, rig in RIGS.items()
         if rig.channel is not None and all(map(is_same_unit, _units(rig), units))
     ]
+    name = (controller if isinstance(controller, type) else type(controller)).__name__
     read, given = (KINDS.get(unit, (unit, ""))[0] for unit in units)
     raise InputError(
-        f"{type(controller).__name__} turns {read} into {given}: expected rig "
+        f"{name} turns {read} into {given}: expected rig "
         f"{' or '.join(fitting) or 'none'}; got {actuator.rig!r}, whose channel turns {own[0]} into {own[1]}"
     )
 

@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
+from scipy.linalg import LinAlgError, solve_discrete_are
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.analysis import OperatingPoint, equilibrium, linearise
+from jaxmuscle.analysis import OperatingPoint
+from jaxmuscle.control.channel_model import channel_model
 from jaxmuscle.control.pid import integrated
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
@@ -106,50 +107,32 @@ def linear_quadratic(
         InputError: a rig without a channel, a size that is not above zero, no point of rest, a reading that
             jumps with the command, or a rig that no feedback of this reading stabilises.
     """
-    channel, acts = actuator.declared_channel(), actuator.actuation(**settings)
     sizes = {"step": step, "error": error, "effort": effort, "noise": noise}
     others = {"integral_time": integral_time, "disturbance": disturbance}
     sizes |= {name: size for name, size in others.items() if size is not None}
     for name, size in sizes.items():
         if not 0 < size < np.inf:
             raise InputError(f"{name}: expected a number above zero (SI); got {size!r}")
-    point = equilibrium(actuator, acts.rest) if point is None else point
-    linear = linearise(actuator, point)
-    direction = np.atleast_1d(np.asarray(acts.direction, dtype=float))
-    row = linear.outputs.index(actuator.outputs[channel.reading][0])
-    c = np.asarray(linear.c, dtype=float)[row]
-    if np.any(np.asarray(linear.d)[row] != 0):
-        raise InputError(
-            f"expected a reading that moves with the states; the {channel.reading} jumps with the command"
-        )
-    a, b = _held(np.asarray(linear.a), np.asarray(linear.b) @ direction, step)
+    a, b, c, rest, _ = channel_model(actuator, step, point, **settings)
     pushed = np.outer(b, b) * (effort if disturbance is None else disturbance) ** 2
     try:
-        feedback, slow = _regulator(a, b, c, step, error, effort, integral_time)
+        feedback, slow = regulator(a, b, c, step, error, effort, integral_time)
         spread = solve_discrete_are(a.T, c[:, None], pushed, np.array([[noise**2]]))
     except LinAlgError as failed:
         raise InputError(
-            f"no feedback of the {channel.reading} stabilises rig {actuator.rig!r} about this point: {failed}"
+            f"no feedback of the {actuator.declared_channel().reading} stabilises rig {actuator.rig!r} about "
+            f"this point: {failed}"
         ) from failed
     observer = spread @ c / (c @ spread @ c + noise**2)
     gain = c @ np.linalg.solve(np.eye(len(a)) - a + np.outer(b, feedback), b)
-    numbers = feedback, slow, 1 / gain, observer, a, b, c, point.readings[row]
+    numbers = feedback, slow, 1 / gain, observer, a, b, c, rest
     return LinearQuadratic(*map(jnp.asarray, numbers))
 
 
-def _held(a: Matrix, b: Matrix, step: float) -> tuple[Matrix, Matrix]:
-    """A and B of a model whose input is held for a step."""
-    size = len(a)
-    both = np.zeros((size + 1, size + 1))
-    both[:size, :size], both[:size, size] = a, b
-    whole = np.asarray(expm(step * both), dtype=float)
-    return whole[:size, :size], whole[:size, size]
-
-
-def _regulator(
+def regulator(
     a: Matrix, b: Matrix, c: Matrix, step: float, error: float, effort: float, integral_time: float | None
 ) -> tuple[Matrix, float]:
-    """K and K_i."""
+    """K and K_i of :func:`linear_quadratic`."""
     cost = np.outer(c, c) / error**2
     if integral_time is None:
         solved = solve_discrete_are(a, b[:, None], cost, np.array([[effort**-2]]))

@@ -161,8 +161,7 @@ class IntegralInversePID(eqx.Module):
         integral = integrated(before.integral, after.integral, output, lowest, highest)
         if self.inverse is None:
             return eqx.tree_at(lambda state: state.integral, after, integral)
-        value = jnp.clip(after.inverting.value, lowest, highest)
-        inverting = Inverting(value, self.inverse.model.update(before.inverting.memory, value))
+        inverting = self.inverse.limited(before.inverting, after.inverting, lowest, highest)
         return Controlling(inverting, integral, after.error)
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.analysis import equilibrium, linearise
+from jaxmuscle.control.channel_model import without_dry_friction
 from jaxmuscle.control.pid import check_signs, smoothed
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import Scalar, parameter
@@ -29,12 +33,49 @@ class JointModel(eqx.Module):
         check_signs(self)
 
 
+def joint_model(actuator: AbstractActuator, **settings: ArrayLike) -> JointModel:
+    r"""The :class:`JointModel` of a rig linearised at rest under an output of zero, without dry friction.
+
+    What else moves than angle and velocity, the pressures, is taken to follow at once (singular
+    perturbation): of :math:`\dot x = A x + B u` with the others f their equilibrium is put into the two.
+
+    Args:
+        settings: of the rig's `actuation`, as for :func:`feedback_on`.
+
+    Raises:
+        InputError: a rig without a channel or without an angle and its velocity; one that does not come to
+            rest; one that the output does not turn the way in which the angle grows.
+    """
+    smooth = without_dry_friction(actuator)
+    acts = smooth.actuation(**settings)
+    linear = linearise(smooth, equilibrium(smooth, acts.rest))
+    if not {"angle", "angular_velocity"} <= set(linear.states):
+        raise InputError(
+            f"joint_model: expected a rig with the states angle and angular_velocity; {actuator.rig!r} has "
+            f"{', '.join(linear.states)}"
+        )
+    a, b = np.asarray(linear.a), np.asarray(linear.b) @ np.atleast_1d(np.asarray(acts.direction))
+    slow = [linear.states.index(name) for name in ("angle", "angular_velocity")]
+    fast = [place for place in range(len(a)) if place not in slow]
+    follows = a[slow[1], fast] @ np.linalg.inv(a[np.ix_(fast, fast)])
+    stiffness, damping = follows @ a[np.ix_(fast, slow)] - a[slow[1], slow]
+    gain = b[slow[1]] - follows @ b[fast]
+    # Rounding leaves a coefficient of nothing on either side of zero.
+    numbers: Any = max(damping, 0.0), max(stiffness, 0.0), gain
+    return JointModel(*numbers)
+
+
 class Reference(NamedTuple):
     """Wanted angle [rad], velocity [rad/s] and acceleration [rad/s²]."""
 
     angle: Value
     velocity: Value
     acceleration: Value
+
+
+def target_of(reference: Any) -> Any:
+    """What the reading is to be, of a reference: the angle of a :class:`Reference`."""
+    return reference.angle if isinstance(reference, Reference) else reference
 
 
 class Sliding(eqx.Module):

@@ -1,6 +1,12 @@
 """Rate-independent hysteresis: operators, Prandtl-Ishlinskii models, their inverses, Frame's rule."""
 
-from jaxmuscle.hysteresis.compensation import IntegralInverse, inverse, inverse_memory, inverted
+from jaxmuscle.hysteresis.compensation import (
+    AnalyticInverse,
+    IntegralInverse,
+    inverse,
+    inverse_memory,
+    inverted,
+)
 from jaxmuscle.hysteresis.frame import FrameRule, midline
 from jaxmuscle.hysteresis.operators import AbstractHysteresis, dahl, enveloped_play, play, respond, stop
 from jaxmuscle.hysteresis.prandtl_ishlinskii import (
@@ -17,6 +23,7 @@ from jaxmuscle.hysteresis.prandtl_ishlinskii import (
 
 __all__ = [
     "AbstractHysteresis",
+    "AnalyticInverse",
     "Envelope",
     "ExponentialPrandtlIshlinskii",
     "FrameRule",

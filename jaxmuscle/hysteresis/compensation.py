@@ -96,6 +96,30 @@ class IntegralInverse(eqx.Module):
         value = state.value + self.gain * step * error
         return Inverting(value, self.model.update(state.memory, value)), value
 
+    def limited(self, before: Inverting, after: Inverting, lowest: Scalar, highest: Scalar) -> Inverting:
+        """The state after a sample whose input, that of the device, goes to a limit and no further."""
+        value = jnp.clip(after.value, lowest, highest)
+        return Inverting(value, self.model.update(before.memory, value))
+
+
+class AnalyticInverse(eqx.Module):
+    """The analytic :func:`inverse` of a model as it runs inside a controller, as an :class:`IntegralInverse`.
+
+    Attributes:
+        model: the inverse, not what it inverts; the device has to be unused when it starts.
+    """
+
+    model: PrandtlIshlinskii
+
+    def start(self) -> Weights:
+        """The memory of the unused inverse."""
+        return self.model.rest()
+
+    def update(self, state: Weights, target: Scalar, step: float | Scalar) -> tuple[Weights, Scalar]:
+        """The memory after the output `target`, and the input for the device."""
+        memory = self.model.update(state, target)
+        return memory, self.model.output(memory, target)
+
 
 def inverted(
     inverse: IntegralInverse, targets: Float[Array, " samples"], step: float | Scalar, value: float = 0.0

@@ -15,8 +15,10 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import Controller
-from jaxmuscle.control.sliding_mode import Reference
+from jaxmuscle.control.sliding_mode import target_of
+from jaxmuscle.control.stability_margins import machine_response
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameter_names import known_names, resolve
 from jaxmuscle.parameters import get, replace, split_index
@@ -56,6 +58,13 @@ class Sensed(eqx.Module):
         return self.controller.update(state, wanted.reference, shown, step)
 
 
+class Linearised(NamedTuple):
+    """A machine as its control channel sees it about rest: response at frequencies, reading at rest."""
+
+    response: Array
+    rest: Array
+
+
 class Case(eqx.Module):
     """Scenarios as arrays, of one length; with a leading axis, many of them.
 
@@ -64,6 +73,7 @@ class Case(eqx.Module):
         told: reference and noise, one row a sample.
         resolution: reading → step of its sensor; 0 for none.
         counts: which samples count: a shorter scenario goes on at its last reference, and does not.
+        linear: the machine linearised, where the objective asks for the margin of the loop.
     """
 
     changes: dict[str, Array]
@@ -71,6 +81,7 @@ class Case(eqx.Module):
     told: Told
     resolution: dict[str, Array]
     counts: Bool[Array, "... samples"]
+    linear: Linearised | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,6 +98,15 @@ class Stacked:
         for first in range(0, len(rows), size):
             own = list(rows[first : first + size])
             yield self._taken(np.array(own + own[-1:] * (size - len(own)))), len(own)
+
+    def linearised(self, actuator: AbstractActuator, attached: Attached) -> Stacked:
+        """The same with each scenario's machine linearised at rest under an output of zero."""
+        changes, many = self.cases.changes, len(self.names)
+        machines = [replace(actuator, {p: v[i] for p, v in changes.items()}) for i in range(many)]
+        found = [machine_response(machine, self.step, attached) for machine in machines]
+        rest = jnp.array([model.rest for model, _ in found])
+        linear = Linearised(jnp.asarray(np.stack([response for _, response in found])), rest)
+        return dataclasses.replace(self, cases=dataclasses.replace(self.cases, linear=linear))
 
     def _taken(self, rows: NDArray[np.int64]) -> Case:
         return jax.tree.map(lambda leaf: leaf[rows], self.cases)
@@ -183,11 +203,6 @@ def _reference(scenario: Scenario, where: str) -> Any:
 
 def _floats(leaf: Any) -> NDArray[np.float64]:
     return np.asarray(leaf, dtype=float)
-
-
-def target_of(reference: Any) -> Any:
-    """What the reading is to be, of a reference: the angle of a :class:`~jaxmuscle.control.Reference`."""
-    return reference.angle if isinstance(reference, Reference) else reference
 
 
 def _check_reach(machine: AbstractActuator, reference: Any, reading: str | None, where: str) -> None:

@@ -17,12 +17,15 @@ from jaxmuscle.errors import InputError, nearest
 
 BAND, EDGE = 0.02, 0.2
 """Half-width of the band of a settled error, of the range of the motion; of its smooth edge, of the band."""
+LAST = 0.1
+"""Share of the samples, the last ones, at which a motion has to have arrived."""
 
 
 class Seen(NamedTuple):
     """A run as the terms look at it: wanted and read values, commands and their rest, which samples count.
 
-    The first axis is that of the samples; `step`: between them [s].
+    The first axis is that of the samples; `step`: between them [s]; `disturbed`: largest sensitivity of the
+    linearised loop, where it is asked for.
     """
 
     target: Array
@@ -31,6 +34,7 @@ class Seen(NamedTuple):
     rest: Array
     counts: Bool[Array, " samples"]
     step: Array
+    disturbed: Array | None = None
 
     @property
     def error(self) -> Array:
@@ -84,6 +88,12 @@ def settling(seen: Seen) -> Array:
     return seen.step * jnp.where(seen.counts, outside, 0.0).sum()
 
 
+def arrival(seen: Seen) -> Array:
+    """Root mean square of the error over the last tenth of the samples: to be there, and at rest."""
+    late = seen.counts & (jnp.cumsum(seen.counts) > (1 - LAST) * seen.counts.sum())
+    return _root_mean(seen.error, late)
+
+
 def effort(seen: Seen) -> Array:
     """Root mean square of the command's distance from rest."""
     return _root_mean(seen.commands - seen.rest, seen.counts)
@@ -94,8 +104,15 @@ def variation(seen: Seen) -> Array:
     return _root_mean(jnp.diff(seen.commands, axis=0) / seen.step, seen.counts[1:])
 
 
+def sensitivity(seen: Seen) -> Array:
+    r"""Largest sensitivity :math:`M_s = \max_ω 1/|1 + L|` of the linearised loop."""
+    assert seen.disturbed is not None
+    return seen.disturbed
+
+
 TERMS: dict[str, Callable[[Seen], Array]] = {
-    term.__name__: term for term in (tracking, peak, overshoot, settling, effort, variation)
+    term.__name__: term
+    for term in (tracking, peak, overshoot, settling, arrival, effort, variation, sensitivity)
 }
 """Name → function whose sum of squares is the square of the term's value."""
 
@@ -120,24 +137,34 @@ class Objective(eqx.Module):
     rest: Array
     squares: bool = eqx.field(static=True, default=True)
 
-    def seen(self, loop: ClosedLoop, target: Array, counts: Array) -> Seen:
+    @property
+    def margin(self) -> bool:
+        """Whether the linearised loop is looked at."""
+        return sensitivity.__name__ in self.sizes
+
+    def seen(self, loop: ClosedLoop, target: Array, counts: Array, disturbed: Array | None = None) -> Seen:
         """A run as the terms look at it."""
         assert self.reading is not None
         step = loop.time[1] - loop.time[0]
-        return Seen(target, loop.readings[self.reading], loop.commands, self.rest, counts, step)
+        return Seen(target, loop.readings[self.reading], loop.commands, self.rest, counts, step, disturbed)
 
-    def values(self, loop: ClosedLoop, target: Any, counts: Array) -> dict[str, Array]:
-        """Value of every term, asked for or not, in SI."""
+    def values(
+        self, loop: ClosedLoop, target: Any, counts: Array, disturbed: Array | None
+    ) -> dict[str, Array]:
+        """Value of every term, asked for or not, in SI; the sensitivity only where it is."""
         if self.reading is None:
             return {}
-        seen = self.seen(loop, target, counts)
-        return {name: jnp.sqrt(jnp.sum(term(seen) ** 2)) for name, term in TERMS.items()}
+        seen = self.seen(loop, target, counts, disturbed)
+        known = {name: term for name, term in TERMS.items() if self.margin or term is not sensitivity}
+        return {name: jnp.sqrt(jnp.sum(term(seen) ** 2)) for name, term in known.items()}
 
-    def residuals(self, loop: ClosedLoop, reference: Any, target: Any, counts: Array) -> Array:
+    def residuals(
+        self, loop: ClosedLoop, reference: Any, target: Any, counts: Array, disturbed: Array | None
+    ) -> Array:
         """What the cost is made of: numbers whose squares add up to it, or the cost."""
         if self.function is not None:
             return jnp.asarray(self.function(loop, reference))
-        seen = self.seen(loop, target, counts)
+        seen = self.seen(loop, target, counts, disturbed)
         parts = [jnp.atleast_1d(TERMS[name](seen)) / size for name, size in self.sizes.items()]
         return jnp.concatenate(parts)
 
@@ -146,8 +173,8 @@ class Objective(eqx.Module):
         return jnp.sum(residuals**2) if self.squares else residuals
 
 
-def units(actuator: AbstractActuator, reading: str | None) -> dict[str, str]:
-    """Term → its SI unit."""
+def units(actuator: AbstractActuator, reading: str | None, margin: bool = True) -> dict[str, str]:
+    """Term → its SI unit; `margin`: whether the sensitivity is among them."""
     if reading is None:
         return {}
     own, command = (
@@ -155,10 +182,11 @@ def units(actuator: AbstractActuator, reading: str | None) -> dict[str, str]:
         actuator.column(actuator.commands[0]).unit,
     )
     return {
-        **dict.fromkeys(("tracking", "peak", "overshoot"), own),
+        **dict.fromkeys(("tracking", "peak", "overshoot", "arrival"), own),
         "settling": "s",
         "effort": command,
         "variation": rate_unit(command),
+        **({"sensitivity": ""} if margin else {}),
     }
 
 

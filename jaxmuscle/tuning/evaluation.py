@@ -18,11 +18,13 @@ from jaxmuscle._config import cores
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import ClosedLoop, closed_loop
+from jaxmuscle.control.sliding_mode import Reference, target_of
+from jaxmuscle.control.stability_margins import loop_response, sensitivity
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.optimization.levenberg_marquardt import Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
-from jaxmuscle.tuning.cases import Case, Sensed, Stacked, target_of
+from jaxmuscle.tuning.cases import Case, Sensed, Stacked
 from jaxmuscle.tuning.cost_terms import Objective
 from jaxmuscle.tuning.gains import Movable
 
@@ -69,7 +71,16 @@ class Rig(eqx.Module):
         """What the cost of one scenario is made of."""
         reference = case.told.reference
         loop = self.run(gains, case)
-        return self.objective.residuals(loop, reference, target_of(reference), case.counts)
+        disturbed = self.disturbed(gains, case)
+        return self.objective.residuals(loop, reference, target_of(reference), case.counts, disturbed)
+
+    def disturbed(self, gains: Array, case: Case) -> Array | None:
+        """Largest sensitivity of the linearised loop, where the objective asks for it."""
+        if case.linear is None:
+            return None
+        rates = isinstance(case.told.reference, Reference)
+        own = self.controller.at(gains)
+        return sensitivity(loop_response(own, case.linear.response, case.linear.rest, self.step, rates))
 
 
 @eqx.filter_jit
@@ -111,8 +122,9 @@ def _seen(rig: Rig, gains: Array, cases: Case) -> Seen:
     def of(case: Case) -> Seen:
         loop, reference = rig.run(gains, case), case.told.reference
         target = target_of(reference)
-        cost = rig.objective.cost(rig.objective.residuals(loop, reference, target, case.counts))
-        terms = rig.objective.values(loop, target, case.counts)
+        disturbed, objective = rig.disturbed(gains, case), rig.objective
+        cost = objective.cost(objective.residuals(loop, reference, target, case.counts, disturbed))
+        terms = objective.values(loop, target, case.counts, disturbed)
         return Seen(cost, terms, loop.readings, loop.commands)
 
     return jax.vmap(of)(cases)

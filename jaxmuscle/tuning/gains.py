@@ -54,8 +54,8 @@ def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, B
 
     Args:
         free: their names: fields ("proportional"), arrays (all entries) or entries ("layers[0].weight[1,2]");
-            when `None` those that the class variable `gains` of the controller names and that are not zero,
-            by which a part is off; all arrays of a controller without that variable.
+            when `None` those that the class variable `gains` of the controller names, without parameters that
+            are zero, by which a part is off; all arrays of a controller without that variable.
         bounds: name → (lower, upper) in SI, `None` on a side without one.
 
     Raises:
@@ -68,7 +68,9 @@ def gains_of(controller: Any, free: Sequence[str] | None, bounds: Mapping[str, B
     chosen = list(dict.fromkeys(entry for name in asked for entry in _resolved(known, name, "free")))
     if free is None and usual:
         leaves = jax.tree.leaves(controller)
-        chosen = [name for name in chosen if leaves[known[name][0]][known[name][1]] != 0]
+        # A declared gain of zero is a part that is off; of plain arrays a zero is a value like others.
+        off = {n for n in chosen if known[n][2] in declared and leaves[known[n][0]][known[n][1]] == 0}
+        chosen = [name for name in chosen if name not in off]
     if not chosen:
         raise InputError(f"{type(controller).__name__} has no number that could be tuned")
     within: dict[str, Bounds] = {}

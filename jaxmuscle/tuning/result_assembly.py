@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.estimation.free_parameters import at_bound, settled
 from jaxmuscle.formatting import quantity
 from jaxmuscle.optimization.levenberg_marquardt import BUDGET, FAILED, STEPS, Lane
-from jaxmuscle.tuning.cases import target_of
 from jaxmuscle.tuning.cost_terms import TERMS, units
 from jaxmuscle.tuning.evaluation import MOST_FORWARD, Evaluation, Seen
 from jaxmuscle.tuning.gains import gain_unit
@@ -80,7 +80,7 @@ def concluded(
         after=judged[1],
         held_out_before=judged[2] if unseen else None,
         held_out_after=judged[3] if unseen else None,
-        units=units(rig.actuator, rig.objective.reading),
+        units=units(rig.actuator, rig.objective.reading, rig.objective.margin),
         code=code,
         notes=(),
         traces=_traces(evaluation, groups),

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 
-LARGEST = ("peak", "overshoot", "settling")
+LARGEST = ("peak", "overshoot", "settling", "sensitivity")
 """Terms of which several scenarios have the largest value; of the others the root mean square."""
 
 

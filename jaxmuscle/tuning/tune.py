@@ -17,12 +17,13 @@ from jaxtyping import Float
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached, feedback_on
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.request import Bounds, factors, seconds, whole
 from jaxmuscle.estimation.starting_points import given_starts, spread_starts
 from jaxmuscle.optimization.levenberg_marquardt import best
-from jaxmuscle.tuning.cases import Stacked, stacked, target_of
+from jaxmuscle.tuning.cases import Stacked, stacked
 from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
@@ -76,13 +77,15 @@ def tune(
         scenarios: on which it is tuned; :func:`~jaxmuscle.tuning.grid` and :func:`~jaxmuscle.tuning.drawn`
             make many.
         objective: term → its size that costs one, in SI, of "tracking" (root mean square error), "peak"
-            (largest error), "overshoot", "settling" [s], "effort" (root mean square of the command's distance
-            from rest) and "variation" (of its rate); or a function (run, reference) → residuals, whose
-            squares add up to the cost of a scenario, or that cost as one number, not below zero. By default
-            tracking, 1 % of the range of the references.
+            (largest error), "overshoot", "settling" [s], "arrival" (error over the last tenth), "effort"
+            (root mean square of the command's distance from rest), "variation" (of its rate) and
+            "sensitivity" (1 over the modulus margin of the loop, linearised at rest under an output of zero
+            and without dry friction: :func:`~jaxmuscle.control.margins`; of a stable loop); or a function
+            (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
+            cost as one number, not below zero. By default tracking, 1 % of the range of the references.
         held_out: scenarios for the last word.
         free: gains that are tuned, entries of arrays as ``layers[0].weight[1,2]``; when `None` those that
-            the controller's class names in `gains` and that are not zero, else all its arrays.
+            the controller names in `gains`, without parameters that are zero, else all its arrays.
         bounds: gain → (lower, upper) in SI, `None` on a side without one. A gain that is declared positive
             or not negative keeps its sign without them.
         worst: p, at least 1: the mean at 1, ever more the worst scenario beyond (8 is near it).
@@ -171,6 +174,10 @@ def prepared(
     gains = gains_of(inner, free, bounds)
     rows = tuple(range(len(training)))
     goal = _objective(objective, all_of_them, rows, followed, attached)
+    if goal.margin:
+        if attached is None:
+            raise InputError("objective: the sensitivity is that of a controller of one reading")
+        all_of_them = all_of_them.linearised(actuator, attached)
     rig = Rig(
         actuator,
         gains.movable,

@@ -1,6 +1,5 @@
 """`jaxmuscle tune`: a card and references in; gains, a report and commands out, all of them or none."""
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 import jaxmuscle as jm
 from jaxmuscle.cli import app
-from jaxmuscle.cli.tuned_files import Request, first_controller
+from jaxmuscle.cli.starting_controllers import Task, starting_controller
 from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card
@@ -191,11 +190,69 @@ def test_bad_input_is_told_and_nothing_is_written(run: Run, tmp_path: Path, why:
 
 def test_a_rig_whose_commands_have_no_limit_asks_for_a_gain() -> None:
     """An elbow: nothing says how much pressure is much."""
-    elbow, request = bench.model("elbow"), Request(SWING, "pid", [])
+    pid, task = starting_controller("pid"), Task(bench.model("elbow"), 1.0, 0.01)
     with pytest.raises(InputError, match=r"no limits to guess a gain from.*--gain proportional=…:Pa/rad"):
-        first_controller(request, elbow, 1.0)
-    given = dataclasses.replace(request, gains=["proportional=2:bar/rad"])
-    assert float(first_controller(given, elbow, 1.0).proportional) == pytest.approx(2e5)
+        pid.with_gains(task, [])
+    given = pid.with_gains(task, ["proportional=2:bar/rad"])
+    assert float(given.proportional) == pytest.approx(2e5)
+    fuzzy = starting_controller("fuzzy").with_gains(task, ["proportional=2:bar"])
+    assert float(fuzzy.proportional) == pytest.approx(2e5) and float(fuzzy.error_range) == 1.0
     # A reference that stays at zero says nothing of the size of errors either.
     with pytest.raises(InputError, match="no limits to guess"):
-        first_controller(request, bench.model("joint"), 0.0)
+        pid.with_gains(Task(bench.model("joint"), 0.0, 0.01), [])
+
+
+BEGUN = {
+    "feedforward": ["share", "feedback.proportional", "feedback.integral", "feedback.derivative"],
+    "sliding-mode": ["slope", "curvature", "per_error", "per_rate", "integral_gain"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["feedforward", "lqg", "sliding-mode"])
+def test_every_controller_of_a_joint_is_tuned_from_the_command_line(run: Run, name: str) -> None:
+    outcome = run(
+        "tune", SWING, "--controller", name, "--reference", "wave.csv", "--draws", "0", "--starts", "1",
+        "--steps", "2", "--out", name,
+    )  # fmt: skip
+    assert outcome.exit_code == 0, outcome.stderr
+    tuned = jm.tuning.Tuning.load(f"{name}/gains.toml")
+    assert tuned.after.cost < tuned.before.cost < np.inf
+    assert list(tuned.gains) == BEGUN.get(name, list(tuned.gains))
+    assert (name == "lqg") == ("feedback[0]" in tuned.gains)
+    table = pd.read_csv(f"{name}/commands.csv")
+    np.testing.assert_allclose(table["theta_deg_wanted"], 12 * np.sin(6 * table["t_s"]), atol=1e-5)
+    page = Path(name, "report.html").read_text(encoding="utf-8")
+    assert ("designed on the linearised machine" in page) == (name == "lqg")
+
+
+def test_gains_of_other_controllers_may_be_given() -> None:
+    joint = jm.actuator(Card.read(SWING))
+    task = Task(joint, 0.3, 0.004)
+    ahead = starting_controller("feedforward").with_gains(
+        task, ["share=0.8", "feedback.proportional=1:bar/rad"]
+    )
+    assert float(ahead.share) == 0.8 and float(ahead.feedback.proportional) == 1e5
+    assert float(ahead.feedback.integral) == 0.0
+    sliding = starting_controller("sliding-mode").with_gains(task, ["slope=5"])
+    assert float(sliding.slope) == 5.0
+    designed = starting_controller("lqg").with_gains(task, ["integral=2e4"])
+    assert float(designed.integral) == 2e4
+    with pytest.raises(InputError, match="expected integral .* zero or above"):
+        starting_controller("lqg").with_gains(task, ["integral=-1"])
+
+
+@pytest.mark.parametrize(
+    ("name", "rig", "told"),
+    [
+        ("fuzzy", "jet-pipe", "FuzzyPID turns an angle into a pressure: expected rig joint or elbow"),
+        ("sliding-mode", "isotonic", "SlidingMode turns an angle into a pressure"),
+        ("sliding-mode", "elbow", "no limits to guess a gain from"),
+        ("force", "joint", "ProportionalForce turns .* expected rig jet-pipe"),
+        ("feedforward", "isotonic", "does not rise with the output"),
+        ("feedforward", "elbow", r"outputs=\(lowest, highest\)"),
+    ],
+)
+def test_controllers_of_other_rigs_are_told(name: str, rig: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        starting_controller(name).with_gains(Task(bench.model(rig), 0.3, 0.004), [])

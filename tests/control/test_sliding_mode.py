@@ -4,10 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import bench
 from oracles.bench import built
 
-from jaxmuscle.control import JointModel, Reference, SlidingMode
+from jaxmuscle.control import JointModel, Reference, SlidingMode, joint_model, model_inverse
+from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import parameters, replace
+from jaxmuscle.robot.tondu2000 import robot_joint
 
 STEP, SLOPE = 2e-3, 8.0
 JOINT = built(JointModel, 6.0, 60.0, 5e-4)
@@ -121,3 +124,25 @@ def test_gradient_over_every_number_equals_finite_differences():
         np.testing.assert_allclose(
             slope[i], difference, rtol=1e-4, atol=1e-6 * float(jnp.abs(slope[i]) + 1e-3)
         )
+
+
+def test_the_joint_of_a_linearised_machine():
+    joint, mean = robot_joint(0.64), 2.5e5
+
+    def force(pressure):
+        middle = joint.initial_contraction * joint.muscle.initial_length
+        return float(joint.muscle.force(middle, pressure, joint.muscle.end_factor))
+
+    found = joint_model(joint, mean_pressure=mean)
+    per_pressure = 2 * float(joint.sprocket_radius) * (force(mean + 1) - force(mean)) / 0.64
+    assert float(found.gain) == pytest.approx(per_pressure, rel=1e-6)
+    # Dry friction is left out, and the joint has no other damping.
+    assert float(found.damping) == pytest.approx(0.0, abs=1e-9)
+    table = model_inverse(joint, (-2e3, 2e3), points=5, mean_pressure=mean)
+    slope = float((table.readings[3] - table.readings[1]) / (table.outputs[3] - table.outputs[1]))
+    assert float(found.gain / found.stiffness) == pytest.approx(slope, rel=1e-3)
+
+
+def test_a_rig_without_an_angle_is_told():
+    with pytest.raises(InputError, match="expected a rig with the states angle and angular_velocity"):
+        joint_model(bench.model("jet-pipe"))

@@ -180,7 +180,7 @@ class Network(eqx.Module):
 
 
 def network():
-    return Network(eqx.nn.MLP(3, "scalar", 4, 1, activation=jnp.tanh, key=jax.random.key(0)))
+    return Network(eqx.nn.MLP(3, "scalar", 6, 1, activation=jnp.tanh, key=jax.random.key(0)))
 
 
 @pytest.mark.parametrize("squares", [True, False], ids=["forward", "reverse"])
@@ -190,9 +190,24 @@ def test_a_network_is_tuned_like_any_other_controller(squares):
 
     objective = {"tracking": 1.0} if squares else mean_square
     found = jm.tune(fan(), network(), PRACTICE[:2], objective, held_out=UNSEEN, starts=1, steps=25)
-    assert len(found.gains) == 21 and "inner.layers[0].weight[0,1]" in found.gains
+    assert len(found.gains) == 31 and "inner.layers[0].weight[0,1]" in found.gains
     assert found.after.cost < 0.1 * found.before.cost and found.holds
     assert found.controller.inner.activation is jnp.tanh
+
+
+class Wide(Network):
+    """One whose output is a row."""
+
+    def update(self, state, wanted, measured, step):
+        state, output = super().update(state, wanted, measured, step)
+        return state, output[None]
+
+
+def test_a_network_whose_output_has_the_wrong_shape_is_told():
+    with pytest.raises(
+        InputError, match=r"Wide: expected an output of one number, shape \(\); got shape \(1,\)"
+    ):
+        jm.tune(fan(), Wide(network().inner), PRACTICE[:1], {"tracking": 1.0})
 
 
 def test_worst_case_brings_the_scenarios_nearer_to_each_other(tuned):
