@@ -89,6 +89,8 @@ def diagnose(
             (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
             something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
             every column are tried with them. Each counts if it leaves less.
+            Constants are tried beside the usual effects where these leave something, or bend a value by more
+            than three standard deviations of the card.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
         constants: whether a value of the card may be wrong too (a mass, a length, a braid angle, the supply
             pressure): each is a candidate beside the effects, and is found where it explains most of what is
@@ -108,10 +110,10 @@ def diagnose(
     """
     whole = recording if isinstance(recording, Recording) else of_one_bench(recording)
     meter = Meter(progress)
-    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, constants=constants, meter=meter)
+    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, meter=meter)
     if catalogue is not None:
-        return interruptible(lambda: seek((*catalogue, *further)), meter.stop)
-    return interruptible(lambda: _in_passes(seek, further), meter.stop)
+        return interruptible(lambda: seek((*catalogue, *further), constants=constants), meter.stop)
+    return interruptible(lambda: _in_passes(seek, further, constants), meter.stop)
 
 
 def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) -> float | NDArray[np.bool_]:
@@ -124,26 +126,39 @@ def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) 
     return held_out
 
 
-def _in_passes(seek: Callable[..., Diagnosis], further: Sequence[type[AbstractEffect]] = ()) -> Diagnosis:
+def _in_passes(
+    seek: Callable[..., Diagnosis], further: Sequence[type[AbstractEffect]], constants: bool
+) -> Diagnosis:
     """A diagnosis among the usual effects; where these leave something, with dry friction that builds up over
-    a distance before any of them, where there is such friction; and then among all.
+    a distance before any of them, where there is such friction; with constants of the card beside them, also
+    where a value ran from the card instead; and then among all.
 
     What is left on the training data decides, everywhere: held-out data have no say.
     """
-    usual = (*CATALOGUE, *further)
-    best, first = seek(usual), None
+    usual, first = (*CATALOGUE, *further), None
+    best = seek(usual)
     seconds = best.seconds
     if _leaves_something(best) and _has_dry_friction(best.declared):
         rough = seek((*usual, Presliding), Presliding)
         seconds += rough.seconds
         if _better(rough, best):
             best, first = rough, Presliding
+    own = (Presliding,) if first else ()
+    if constants and (_leaves_something(best) or best.violated_priors):
+        fallible = seek((*usual, *own), first, constants=True)
+        seconds += fallible.seconds
+        best = fallible if _better(fallible, best) or _agrees_with_card(fallible, best) else best
     if _leaves_something(best):
-        own = (Presliding,) if first else ()
         every = seek((*usual, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
         seconds += every.seconds
         best = every if _better(every, best) else best
     return dataclasses.replace(best, seconds=seconds)
+
+
+def _agrees_with_card(second: Diagnosis, first: Diagnosis) -> bool:
+    """Whether the second explains as much without the values that run from the card in the first."""
+    as_much = second.missing_in_noise < max(first.missing_in_noise, MUCH)
+    return bool(second.added and first.violated_priors) and not second.violated_priors and as_much
 
 
 def _leaves_something(diagnosis: Diagnosis) -> bool:
@@ -168,7 +183,7 @@ def _diagnosed(
     catalogue: Sequence[type[AbstractEffect]],
     first: type[AbstractEffect] | None = None,
     *,
-    constants: bool,
+    constants: bool = False,
     meter: Meter,
 ) -> Diagnosis:
     """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
