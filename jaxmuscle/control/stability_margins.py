@@ -163,7 +163,7 @@ def _radius(
     """Largest size of a pole of the closed loop from sample to sample."""
     a, b, c, d = (np.asarray(part) for part in _linearised(controller, model.rest, step, rates))
     kept = _acting(a, b, c)
-    a, b, c = a[np.ix_(kept, kept)], b[kept], c[kept]
+    a, b, c = a[kept][:, kept], b[kept], c[kept]
     late = sum(float(e.delay) for e in actuator.effects.values() if isinstance(e, CommandDelay))
     # A delay as whole samples, at least as long as it is.
     held = int(np.ceil(late / step - 1e-9))

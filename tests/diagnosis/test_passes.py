@@ -32,17 +32,19 @@ class Outcome:
     share_left: float = 1.0
     seconds: float = 10.0
     declared: Any = SMOOTH
+    violated_priors: Any = MappingProxyType({})
 
 
-def passes(*outcomes):
+def passes(*outcomes, constants=False):
     """The outcome, and with what each pass was asked to choose from."""
     asked, left = [], list(outcomes)
 
-    def seek(catalogue, first=None):
-        asked.append(catalogue if first is None else (first, catalogue))
+    def seek(catalogue, first=None, constants=False):
+        chosen = catalogue if first is None else (first, catalogue)
+        asked.append(("constants", chosen) if constants else chosen)
         return left.pop(0)
 
-    return _in_passes(seek), asked
+    return _in_passes(seek, (), constants), asked
 
 
 @pytest.fixture(autouse=True)
@@ -128,3 +130,26 @@ def test_a_rough_bearing_is_found_and_its_joint_fitted():
         assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
     assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
     assert not found.violated_priors
+
+
+def test_constants_are_tried_where_the_usual_effects_leave_something():
+    found, asked = passes(Outcome(9.0, ("creep",)), Outcome(0.2, ("constant:mass",)), constants=True)
+    assert found.added == ("constant:mass",) and found.seconds == 20.0
+    assert asked == [CATALOGUE, ("constants", CATALOGUE)]
+    found, asked = passes(Outcome(0.9, ("creep",)), constants=True)
+    assert found.added == ("creep",) and asked == [CATALOGUE]
+    found, asked = passes(Outcome(9.0), Outcome(9.0), Outcome(9.0), constants=True)
+    assert found.added == () and asked[1] == ("constants", CATALOGUE) and len(asked) == 3
+
+
+RADIUS: Any = {"initial_radius": 17.0}
+
+
+def test_constants_are_tried_where_a_value_ran_from_the_card():
+    bent = Outcome(0.3, violated_priors=RADIUS)
+    found, asked = passes(bent, Outcome(0.3, ("constant:braid_angle",)), constants=True)
+    assert found.added == ("constant:braid_angle",) and asked == [CATALOGUE, ("constants", CATALOGUE)]
+    still_bent = Outcome(0.3, ("constant:mass",), violated_priors=RADIUS)
+    assert passes(bent, still_bent, constants=True)[0].added == ()
+    assert passes(bent, Outcome(4.0, ("constant:mass",)), constants=True)[0].added == ()
+    assert len(passes(bent, constants=False)[1]) == 1
