@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import os
+import platform
 import re
 import secrets
 import shutil
@@ -26,8 +28,10 @@ REMEDIES = {
     errno.ENAMETOOLONG: "name a shorter one",
 }
 """Fault of the system → what to do, for the end of a message."""
-UNFINISHED = re.compile(r"\..*\.(\d+)-[0-9a-f]{8}(\.[^.]*)?")
-"""Names of files and folders that are being written, with the process that writes them."""
+HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+"""Mark of this machine: a folder may be shared, and a process has a number on one machine only."""
+UNFINISHED = re.compile(r"\..*\.([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?")
+"""Names of files and folders that are being written, with machine and process that write them."""
 
 _unfinished: set[Path] = set()
 """What this process is writing."""
@@ -169,9 +173,9 @@ def _beside(target: Path) -> Path:
     with contextlib.suppress(OSError):
         for left in target.parent.glob(f".{_literal(stem)}.*-*{_literal(target.suffix)}"):
             found = UNFINISHED.fullmatch(left.name)
-            if found and not _is_alive(int(found[1])):
+            if found and found[1] == HOST and not _is_alive(int(found[2])):
                 _remove([left])
-    return target.with_name(f".{stem}.{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    return target.with_name(f".{stem}.{HOST}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
 
 
 def _literal(text: str) -> str:

@@ -76,6 +76,9 @@ def faults(debug: bool) -> Iterator[None]:
         typer.echo(INTERRUPTION, err=True)
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:
+        # Files are told by InputError: what is left is a standard output that takes no more.
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EPIPE):
+            raise
         if debug:
             traceback.print_exc()
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -61,7 +61,7 @@ def _restore(register: dict, before: dict) -> None:
 def _run(file: Path) -> None:
     """Import a file as a module of its own name; what goes wrong in it is the user's to mend."""
     name = PREFIX + file.stem
-    spec = importlib.util.spec_from_file_location(name, file)
+    spec = importlib.util.spec_from_file_location(name, file.absolute())
     if spec is None or spec.loader is None:
         raise InputError("cannot be imported as a Python module")
     module = importlib.util.module_from_spec(spec)
@@ -75,7 +75,9 @@ def _run(file: Path) -> None:
         raise
     except (Exception, SystemExit) as error:
         lines = [
-            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(file)
+            frame.lineno
+            for frame in traceback.extract_tb(error.__traceback__)
+            if frame.filename == str(file.absolute())
         ]
         number = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         where = "" if number is None else f" in line {number}"
@@ -85,3 +87,8 @@ def _run(file: Path) -> None:
         ) from error
     finally:
         sys.path.remove(folder)
+    if importlib.util.find_spec("cloudpickle") is not None:
+        import cloudpickle
+
+        # Workers of a cluster have no such module: its classes travel with what is computed.
+        cloudpickle.register_pickle_by_value(module)

@@ -68,10 +68,12 @@ class Task:
         Raises:
             InputError: nothing says how large outputs or references are.
         """
-        if not (math.isfinite(self.span) and self.range > 0):
+        begin = f"say where to begin, --gain {gain}=…:{gain_unit(self.actuator, unit)}"
+        if not self.range > 0:
+            raise InputError(f"the reference does not move, so that no gain can be guessed from it: {begin}")
+        if not math.isfinite(self.span):
             raise InputError(
-                f"the commands of rig {self.actuator.rig!r} have no limits to guess a gain from: say where "
-                f"to begin, --gain {gain}=…:{gain_unit(self.actuator, unit)}"
+                f"the commands of rig {self.actuator.rig!r} have no limits to guess a gain from: {begin}"
             )
         return SHARE * self.span
 
@@ -106,16 +108,18 @@ def _fuzzy(task: Task, given: Given) -> FuzzyPID:
 
 
 def _sliding_mode(task: Task, given: Given) -> SlidingMode:
-    kind, share = _fitting(task, SlidingMode), task.share("per_error", "Pa/rad")
-    guessed = {
-        "slope": SLOPE,
-        "curvature": CURVATURE,
-        "per_error": share / task.range,
-        "per_rate": DERIVATIVE * share / task.range,
-        "integral_gain": share / task.range / INTEGRAL,
-        "limit": share,
-        "integral_limit": share,
-    }
+    kind, guessed = _fitting(task, SlidingMode), {"slope": SLOPE, "curvature": CURVATURE}
+    units = {"per_error": "Pa/rad", "per_rate": "Pa s/rad", "integral_gain": "Pa/(rad s)", "limit": "Pa",
+             "integral_limit": "Pa"}  # fmt: skip
+    if asked := [name for name in units if name not in given]:
+        share = task.share(asked[0], units[asked[0]])
+        guessed |= {
+            "per_error": share / task.range,
+            "per_rate": DERIVATIVE * share / task.range,
+            "integral_gain": share / task.range / INTEGRAL,
+            "limit": share,
+            "integral_limit": share,
+        }
     return kind(joint_model(task.actuator), **{**guessed, **given})
 
 

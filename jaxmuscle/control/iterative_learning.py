@@ -96,7 +96,8 @@ def contraction(law: LearningLaw, model: ChannelModel, samples: int) -> float:
     r"""Factor by which an error on the model shrinks at least from repetition to repetition.
 
     The largest singular value of :math:`I - G L`, after the first sample, which nothing can change: below
-    one the root mean square error falls in every repetition (Bristow et al. 2006, monotonic convergence).
+    one the root mean square error falls in every repetition (Bristow et al. 2006, monotonic convergence), on
+    the model and without the smoothing and the limits of :func:`learn`.
     """
     taught = np.asarray(jax.vmap(law.change, out_axes=1)(jnp.eye(samples)))
     left = np.eye(samples) - lifted(model, samples) @ taught

@@ -113,7 +113,7 @@ def linear_quadratic(
     for name, size in sizes.items():
         if not 0 < size < np.inf:
             raise InputError(f"{name}: expected a number above zero (SI); got {size!r}")
-    a, b, c, rest, _ = channel_model(actuator, step, point, **settings)
+    a, b, c, rest, _ = channel_model(actuator, step, point, delayed=False, **settings)
     pushed = np.outer(b, b) * (effort if disturbance is None else disturbance) ** 2
     try:
         feedback, slow = regulator(a, b, c, step, error, effort, integral_time)

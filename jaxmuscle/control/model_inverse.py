@@ -208,7 +208,7 @@ def _quickening(
         )
     acts = actuator.actuation(**settings)
     point = equilibrium(actuator, acts.rest + acts.direction * about)
-    a, b, c, rest, _ = channel_model(actuator, step, point, **settings)
+    a, b, c, rest, _ = channel_model(actuator, step, point, delayed=False, **settings)
     still = np.eye(len(a)) - a
     settled = np.linalg.solve(still, b)
     gain = float(c @ settled)

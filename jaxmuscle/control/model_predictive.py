@@ -43,7 +43,8 @@ class ModelPredictive(eqx.Module):
     and d = y - y_model what it shows wrongly now: no error is left at rest on a machine that the model is
     not. Machines that come to rest by themselves only: a model that integrates runs away from its machine.
     The plan of the sample before, one sample on, is where a few Gauss-Newton steps begin (real-time
-    iteration: Diehl, Bock and Schlöder, SIAM J. Control Optim. 43, 2005). :func:`model_predictive` makes it.
+    iteration: Diehl, Bock and Schlöder, SIAM J. Control Optim. 43, 2005); after each, outputs are cut to
+    their limits, beside which the others are not optimised anew. :func:`model_predictive` makes it.
 
     The reference may look ahead: one number, or one for each sample of the horizon.
     """
@@ -96,7 +97,9 @@ class ModelPredictive(eqx.Module):
             errors = (shown + wrong - wanted) / (self.error * jnp.sqrt(self.hold))
             return jnp.concatenate([errors, jnp.diff(plan, prepend=state.output) / self.move])
 
-        plan = jnp.clip(gauss_newton(residuals, state.plan, self.iterations), lowest, highest)
+        plan = state.plan
+        for _ in range(self.iterations):
+            plan = jnp.clip(gauss_newton(residuals, plan, 1), lowest, highest)
         machine, _ = self.model.step(state.machine, self._command(plan[0]))
         return Predicting(machine, self._later(plan), plan[0]), plan[0]
 
@@ -111,7 +114,8 @@ class ModelPredictive(eqx.Module):
         """Readings after each of the outputs, held for a sample."""
 
         def onward(state: SimulationState, output: Scalar) -> tuple[SimulationState, Array]:
-            after, readings = self.model.step(state, self._command(output))
+            # Not limited: a plan keeps to the limits, and beyond them there would be no slopes.
+            after, readings = self.model.step(state, self.acts.rest + self.acts.direction * output)
             return after, self._reading(readings)
 
         return jax.lax.scan(onward, machine, outputs)[1]

@@ -44,7 +44,8 @@ def joint_model(actuator: AbstractActuator, **settings: ArrayLike) -> JointModel
 
     Raises:
         InputError: a rig without a channel or without an angle and its velocity; one that does not come to
-            rest; one that the output does not turn the way in which the angle grows.
+            rest, or would leave it by itself; one that the output does not turn the way in which the angle
+            grows.
     """
     smooth = without_dry_friction(actuator)
     acts = smooth.actuation(**settings)
@@ -60,7 +61,14 @@ def joint_model(actuator: AbstractActuator, **settings: ArrayLike) -> JointModel
     follows = a[slow[1], fast] @ np.linalg.inv(a[np.ix_(fast, fast)])
     stiffness, damping = follows @ a[np.ix_(fast, slow)] - a[slow[1], slow]
     gain = b[slow[1]] - follows @ b[fast]
-    # Rounding leaves a coefficient of nothing on either side of zero.
+    size = np.abs(follows) @ np.abs(a[np.ix_(fast, slow)]) + np.abs(a[slow[1], slow])
+    for name, value, much in zip(("stiffness", "damping"), (stiffness, damping), size, strict=True):
+        # Rounding leaves a coefficient of nothing on either side of zero.
+        if value < -1e-9 * much:
+            raise InputError(
+                f"joint_model: expected a joint that returns to rest by itself; its {name} is {value:.4g} "
+                f"(negative: it falls over, or is driven by its own motion)"
+            )
     numbers: Any = max(damping, 0.0), max(stiffness, 0.0), gain
     return JointModel(*numbers)
 

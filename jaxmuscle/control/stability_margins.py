@@ -19,7 +19,6 @@ from jaxmuscle.analysis import equilibrium
 from jaxmuscle.control.channel_model import ChannelModel, sampled_model, without_dry_friction
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.sliding_mode import Reference
-from jaxmuscle.effects import CommandDelay
 
 POINTS, LOWEST = 300, 1e-4
 """Frequencies at which a loop is looked at, from this share of the highest that samples show."""
@@ -33,7 +32,7 @@ class Margins(eqx.Module):
         modulus: :math:`s_m = \min_ω |1 + L|`, the distance from the critical point.
         sensitivity: :math:`M_s = 1/s_m`, the largest factor by which a disturbance is made worse.
         gain: factor by which L may grow at most; infinite where it may grow without end.
-        phase: by which L may lag more [rad]; infinite where its size is nowhere one.
+        phase: by which L may lag more [rad]; infinite where its size is nowhere one at :func:`frequencies`.
     """
 
     stable: bool
@@ -59,11 +58,10 @@ def machine_response(
     acts = Actuation(attached.rest, attached.direction, attached.lowest, attached.highest)
     point = equilibrium(smooth, acts.rest + acts.direction * about)
     model = sampled_model(smooth, step, attached.reading, acts, point)
-    late = sum(float(e.delay) for e in smooth.effects.values() if isinstance(e, CommandDelay))
     z = np.exp(1j * frequencies(step) * step)
     inner = z[:, None, None] * np.eye(len(model.a)) - model.a
     response = np.linalg.solve(inner, np.broadcast_to(model.b[:, None], (len(z), len(model.b), 1)))[..., 0]
-    return model, (response @ model.c) * np.exp(-1j * frequencies(step) * late)
+    return model, response @ model.c
 
 
 def _linearised(controller: Any, rest: ArrayLike, step: float, rates: bool) -> tuple[Array, ...]:
@@ -139,12 +137,12 @@ def margins(
     phases = [_angle_between(angle[crossing + side]) for side in (0, 1)]
     real, imaginary = np.real(loop), np.imag(loop)
     negative = np.flatnonzero(np.diff(np.signbit(imaginary)) & (real[:-1] < 0))
-    reached = [np.abs(real[negative + side]) for side in (0, 1)]
-    sizes = np.concatenate(reached)
+    # At the highest frequency, where outputs alternate, a loop is real.
+    sizes = np.abs(np.concatenate([real[negative], real[negative + 1], real[-1:][real[-1:] < 0]]))
     largest = sizes[sizes < 1].max(initial=0.0)
     most = float(sensitivity(jnp.asarray(loop)))
     return Margins(
-        stable=_radius(model, inner, actuator, step, rates) < 1,
+        stable=_radius(model, inner, step, rates) < 1,
         modulus=1 / most,
         sensitivity=most,
         gain=float(1 / largest) if largest > 0 else np.inf,
@@ -157,29 +155,17 @@ def _angle_between(angles: Float[np.ndarray, " points"]) -> Float[np.ndarray, " 
     return np.abs(np.mod(angles, 2 * np.pi) - np.pi)
 
 
-def _radius(
-    model: ChannelModel, controller: Any, actuator: AbstractActuator, step: float, rates: bool
-) -> float:
+def _radius(model: ChannelModel, controller: Any, step: float, rates: bool) -> float:
     """Largest size of a pole of the closed loop from sample to sample."""
     a, b, c, d = (np.asarray(part) for part in _linearised(controller, model.rest, step, rates))
     kept = _acting(a, b, c)
     a, b, c = a[kept][:, kept], b[kept], c[kept]
-    late = sum(float(e.delay) for e in actuator.effects.values() if isinstance(e, CommandDelay))
-    # A delay as whole samples, at least as long as it is.
-    held = int(np.ceil(late / step - 1e-9))
-    own, size = len(model.b), len(model.b) + len(b) + held
-    closed = np.zeros((size, size))
-    closed[:own, :own] = model.a
-    closed[own : own + len(b), :own] = np.outer(b, model.c)
-    closed[own : own + len(b), own : own + len(b)] = a
-    output = np.concatenate([d * model.c, c, np.zeros(held)])
-    if held:
-        closed[own + len(b)] = output
-        for k in range(1, held):
-            closed[own + len(b) + k, own + len(b) + k - 1] = 1.0
-        output = np.zeros(size)
-        output[-1] = 1.0
-    closed[:own] += np.outer(model.b, output)
+    closed = np.block(
+        [
+            [model.a + d * np.outer(model.b, model.c), np.outer(model.b, c)],
+            [np.outer(b, model.c), a],
+        ]
+    )
     return float(np.abs(np.linalg.eigvals(closed)).max())
 
 

@@ -128,7 +128,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
             "windows": len(case.windows),
             "held_out_windows": int(case.windows.held_out.sum()),
             "substeps": case.problem.substeps,
-            "candidates": [effect.name for effect in bench.candidates],
+            "candidates": [each.name for each in (*bench.candidates, *bench.constants)],
             "random": "none: nothing is drawn at random",
         },
     )

@@ -90,7 +90,7 @@ def diagnose(
             something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
             every column are tried with them. Each counts if it leaves less.
             Constants are tried beside the usual effects where these leave something, or bend a value by more
-            than three standard deviations of the card.
+            than three standard deviations of the card; with a `catalogue` of your own, beside it.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
         constants: whether a value of the card may be wrong too (a mass, a length, a braid angle, the supply
             pressure): each is a candidate beside the effects, and is found where it explains most of what is

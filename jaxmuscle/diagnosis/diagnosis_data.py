@@ -180,7 +180,8 @@ class DiagnosisData:
             masks=diagnosis.traces.held_out)`` gives the values again. The noise is that of the sensors where
             nothing is missing; elsewhere what the model leaves counts as uncertainty too, else the card's
             priors would weigh nothing. Without the masks held-out rows are fitted too, which must not have a
-            say here.
+            say here. A constant of the card that was found has no prior: name it in `free`, with
+            ``priors={name: None}``.
         before, after: "training" and "held_out" → column → error.
         parameters: card name or path of every fitted parameter of `model`.
         correlations: between those parameters.
@@ -221,8 +222,14 @@ class DiagnosisData:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Runners-up of the first search that added something, else of the first; best first."""
+        """Runners-up of the first search of several that added what is in the model; best first.
+
+        Else of the first search that added something, else of the first.
+        """
         if not self.rounds:
             return ()
-        first = next((search for search in self.rounds if search.added is not None), self.rounds[0])
+        names = {effect.name for effect in self.added}
+        adding = [search for search in self.rounds if search.added is not None]
+        stayed = [each for each in adding if len(each.ranking) > 1 and set(each.added.split(" + ")) <= names]
+        first = (stayed or adding or list(self.rounds))[0]
         return tuple(a for a in first.ranking if a.name != first.added)

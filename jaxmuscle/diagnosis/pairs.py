@@ -63,7 +63,7 @@ def best_pairs(
     leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
     leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
     rest = [effect for effect in bench.candidates if effect.name not in accepted]
-    if not leaders or len(rest) < 2:
+    if not any(effect not in leader.effects for leader in leaders for effect in rest):
         return []
     meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
     pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]

@@ -111,7 +111,8 @@ def holds(case: Case) -> list[NDArray[np.int64]]:
     still[list(case.recording.breaks)] = False
     parts = np.split(np.arange(len(still)), np.flatnonzero(~still))
     least = SHORTEST_HOLD / case.recording.step
-    return [rows for rows in parts if len(rows) >= least]
+    # Each part but the first begins with the row at which the machine was moved.
+    return [rows for part in parts if len(rows := part[still[part]]) >= least]
 
 
 def _since_moved(case: Case, shown: Reveal) -> Reveal | None:

@@ -68,7 +68,7 @@ def read_row_span(section: str, entry: object, columns: Mapping[str, Need]) -> R
     if begin is not None and end is not None and not begin <= end:
         raise InputError(f"expected a span that ends after it begins; got {entry['from']} to {entry['to']}")
     column = entry.get("column")
-    if column is not None and column not in columns:
+    if column is not None and not (isinstance(column, str) and column in columns):
         raise InputError(f"unknown column {column!r}{nearest(str(column), columns)}")
     return RowSpan(begin, end, str(entry["unit"]), column)
 
@@ -141,8 +141,7 @@ def named_rows(
         held_out = rows if held_out is None else held_out | rows
     breaks = []
     for name, span in spans[BREAKS].items():
-        later = RowSpan(span.begin, None).rows(time)
-        row = int(np.argmax(later)) if later.any() else len(time)
+        row = _row_at(span, time)
         if not 0 < row < len(time):
             raise InputError(
                 f"{file}: [{BREAKS}] {name}: expected a time after the first row and not after the last; "
@@ -155,12 +154,14 @@ def named_rows(
 def _inside(spans: Mapping[str, RowSpan], time: NDArray[np.float64], section: str) -> dict[str, RowSpan]:
     """Those that hold a row of a clock; of breaks those after its first row."""
     if section == BREAKS:
-        return {
-            name: span
-            for name, span in spans.items()
-            if span.begin is not None and time[0] < span.begin <= time[-1]
-        }
+        return {name: span for name, span in spans.items() if 0 < _row_at(span, time) < len(time)}
     return {name: span for name, span in spans.items() if span.rows(time).any()}
+
+
+def _row_at(span: RowSpan, time: NDArray[np.float64]) -> int:
+    """The first row from its time on; one behind the last row where there is none."""
+    later = RowSpan(span.begin, None).rows(time)
+    return int(np.argmax(later)) if later.any() else len(time)
 
 
 def _some(span: RowSpan, time: NDArray[np.float64], where: str) -> Rows:

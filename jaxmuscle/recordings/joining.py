@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.card_rows import Rows
 from jaxmuscle.recordings.recording import Member, Recording
+from jaxmuscle.recordings.schema import Quantity
 
 COMMON = ("rig", "known", "uncertain", "effects", "noise", "horizon")
 """Fields of a card that have to be the same for recordings of one bench."""
@@ -103,22 +104,32 @@ def of_one_bench(recordings: Sequence[Recording]) -> Recording:
     for other in recordings[1:]:
         for field in COMMON:
             one, two = (getattr(recording.card, field) for recording in (first, other))
-            if one != two:
+            if _plain(one) != _plain(two):
                 raise InputError(_difference(first.name, other.name, field, one, two))
     names = distinct([recording.name for recording in recordings])
     if any(abs(recording.step - first.step) > 0.01 * first.step for recording in recordings):
         steps = (f"{name} {recording.step:g} s" for name, recording in zip(names, recordings, strict=True))
+        long = "; of long ones not every sample is taken: ask for the same of all with every (--every N)"
         raise InputError(
             f"recordings of one bench: expected one sampling step; got {', '.join(steps)}. Bring them to one "
-            f"rate, or take them one by one"
+            f"rate, or take them one by one{long if any(each.left_out for each in recordings) else ''}"
         )
     return first if len(recordings) == 1 else joined(recordings, " + ".join(names))
+
+
+def _plain(said: object) -> object:
+    """What a card says, whatever the unit that it is written in."""
+    if isinstance(said, Mapping):
+        return {key: _plain(entry) for key, entry in said.items()}
+    if isinstance(said, Quantity):
+        return _plain(said.value), _plain(said.std)
+    return f"{said:.9g}" if isinstance(said, float) else said
 
 
 def _difference(first: str, other: str, field: str, one: object, two: object) -> str:
     """What two cards say differently."""
     if isinstance(one, dict) and isinstance(two, dict):
-        keys = [key for key in dict.fromkeys((*one, *two)) if one.get(key) != two.get(key)]
+        keys = [key for key in dict.fromkeys((*one, *two)) if _plain(one.get(key)) != _plain(two.get(key))]
         where = f"[{field}] {', '.join(keys)}"
     else:
         where = f"{field} ({one} and {two})"

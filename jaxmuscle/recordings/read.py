@@ -111,19 +111,13 @@ def _card_beside(file: Path) -> Path:
 
 def _recording(table: Table, card: Card, sha256: str | None, resample: bool, asked: RowRequest) -> Recording:
     table, columns, rows = rows_asked(table, card, asked)
-    time, rig = columns.pop("time"), RIGS[card.rig]
+    time = columns.pop("time")
     for check in checks(table, card, time, columns, resample, asked):
         check()
-    if not is_regular(time):
-        read = len(time)
-        time, columns = resampled(time, columns, held=rig.commands)
-        rows += len(time) - read
-    file = table.file if isinstance(table.file, Path) else None
     taken, named = rows_taken(table, card, time, columns, asked, rows)
-    if taken.told:
-        check_horizon(table, card, taken.time)
     if taken.unasked:
         warnings.warn(taken.told, LongRecording, stacklevel=3)
+    file = table.file if isinstance(table.file, Path) else None
     held_out = None if named.held_out is None else named.held_out[taken.rows]
     return Recording(
         str(table.file) if file is None else table_name(file),
@@ -143,26 +137,51 @@ def _recording(table: Table, card: Card, sha256: str | None, resample: bool, ask
 def rows_taken(
     table: Table, card: Card, time: Series, columns: Mapping[str, Series], asked: RowRequest, total: int
 ) -> tuple[Selected, NamedRows]:
-    """What is taken of the rows that :func:`rows_asked` gives, and which of these the card names.
+    """What is taken of the rows that :func:`rows_asked` gives, on a uniform clock, and which the card names.
 
-    `total`: rows of the whole table. Errors as of :func:`~jaxmuscle.recordings.card_rows.named_rows`.
+    Args:
+        table, card, asked: as of :func:`rows_asked`.
+        time, columns: what it gave, after :func:`checks`.
+        total: rows of the whole table.
+
+    Raises:
+        InputError: as of :func:`~jaxmuscle.recordings.card_rows.named_rows`; a horizon that is longer than
+            what is taken, or so many samples passed over that too few are left.
     """
-    rig, named = RIGS[card.rig], _rows_of_card(table, card, time, asked)
-    name = table.file.name if isinstance(table.file, Path) else table.file
-    how = {"held": rig.commands, "largest_step": rig.largest_step, "total": total}
-    return selected(name, time, columns, asked, breaks=named.breaks, **how), named
+    rig, read = RIGS[card.rig], len(time)
+    if not is_regular(time):
+        time, columns = resampled(time, columns, held=rig.commands)
+    named = _rows_of_card(table, card, time, asked)
+    taken = selected(
+        table.file.name if isinstance(table.file, Path) else table.file,
+        time,
+        columns,
+        asked,
+        held=rig.commands,
+        largest_step=rig.largest_step,
+        breaks=named.breaks,
+        ignored=named.ignored,
+        held_out=named.held_out,
+        total=total + len(time) - read,
+    )
+    if taken.told:
+        check_horizon(table, card, taken.time)
+    return taken, named
 
 
 def rows_asked(table: Table, card: Card, asked: RowRequest) -> tuple[Table, dict[str, Series], int]:
     """The stretch that is asked for, as of :func:`si_columns`, and the number of all rows.
 
     Raises:
-        InputError: what is wrong with the columns; no row lies in the stretch.
+        InputError: what is wrong with the columns; no row lies in the stretch, or in what the card names.
     """
     table, columns = si_columns(table, card)
     rows = len(columns["time"])
     if asked.stretch is None:
         return table, columns, rows
+    # A span that lies nowhere in the table is a slip of the pen; one outside of the stretch is none.
+    clock = columns["time"][np.isfinite(columns["time"])]
+    named_rows(card.row_spans, clock, measured_columns(RIGS[card.rig]), str(table.file))
     part = stretch_of(columns["time"], asked, table.file)
     if table.rows is None:
         table = dataclasses.replace(table, first_row=table.first_row + part.start)
@@ -204,5 +223,5 @@ def checks(
 
 def _rows_of_card(table: Table, card: Card, time: Series, asked: RowRequest) -> NamedRows:
     """The rows that a card names; `InputError` where none lies there."""
-    columns, part = measured_columns(RIGS[card.rig]), asked.stretch is not None
-    return named_rows(card.row_spans, time, columns, str(table.file), stretch=part)
+    columns = measured_columns(RIGS[card.rig])
+    return named_rows(card.row_spans, time, columns, str(table.file), stretch=asked.partial)

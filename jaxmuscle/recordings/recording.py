@@ -36,7 +36,7 @@ class Member:
         name: what results call it.
         file, sha256: the table that was read and its checksum, `None` for one made in memory.
         first, rows: its first row in the whole, and how many it has.
-        begin: its own time at that row [s].
+        begin, step: its own time at that row, and its own sampling step [s].
         left_out: which of its rows were taken and why, a sentence, when they are not all.
     """
 
@@ -46,6 +46,7 @@ class Member:
     first: int
     rows: int
     begin: float
+    step: float
     left_out: str = ""
 
 
@@ -98,7 +99,9 @@ class Recording:
     @property
     def members(self) -> tuple[Member, ...]:
         """The recordings that it was joined from, or itself."""
-        alone = Member(self.name, self.file, self.sha256, 0, len(self), float(self.time[0]), self.left_out)
+        alone = Member(
+            self.name, self.file, self.sha256, 0, len(self), float(self.time[0]), self.step, self.left_out
+        )
         return self.joined_from or (alone,)
 
     def part(self, start: int | None, stop: int | None) -> Recording:
@@ -115,17 +118,17 @@ class Recording:
             ignored={name: bad[rows] for name, bad in self.ignored.items()},
             held_out=None if self.held_out is None else self.held_out[rows],
             joined_from=tuple(
-                _within(member, first, last, self.step)
+                _within(member, first, last)
                 for member in self.joined_from
                 if member.first < last and member.first + member.rows > first
             ),
         )
 
 
-def _within(member: Member, first: int, last: int, step: float) -> Member:
+def _within(member: Member, first: int, last: int) -> Member:
     """What of a member lies between two rows of the whole, counted from the first of them."""
     begin, end = max(member.first, first), min(member.first + member.rows, last)
-    time = member.begin + step * (begin - member.first)
+    time = member.begin + member.step * (begin - member.first)
     return dataclasses.replace(member, first=begin - first, rows=end - begin, begin=time)
 
 

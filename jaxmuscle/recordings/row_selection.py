@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ SHORTEST_STEP = 2e-3
 regulators of muscles take some milliseconds at least."""
 PLACES = 10
 """Stretches that are compared, to the length of one."""
+FAIR = 0.1
+"""Part of a stretch that is held out, and part that is not, at least, where there are such stretches."""
+NOTHING: Mapping[str, NDArray[np.bool_]] = MappingProxyType({})
 ALL = "all"
 EXPECTED = 'FROM:TO in seconds of its clock, such as "100:200", or "all"'
 
@@ -42,6 +46,11 @@ class RowRequest:
 
     stretch: tuple[float, float] | None = None
     every: int | None = None
+
+    @property
+    def partial(self) -> bool:
+        """Whether a stretch is asked for that is not all."""
+        return self.stretch is not None and self.stretch != (-math.inf, math.inf)
 
 
 def request_of(stretch: str | Sequence[float] | None, every: int | None) -> RowRequest:
@@ -117,15 +126,18 @@ def selected(
     held: Collection[str],
     largest_step: float,
     breaks: Sequence[int] = (),
+    ignored: Mapping[str, NDArray[np.bool_]] = NOTHING,
+    held_out: NDArray[np.bool_] | None = None,
     total: int | None = None,
 ) -> Selected:
     """Thin out a recording on a uniform clock, and take the stretch of it in which the signals move most.
 
     Of a recording of more than :data:`MOST_ROWS` rows, as many samples are passed over as the rig's step
     allows, and then :data:`MOST_ROWS` rows in a row are taken: those with the largest sum of the variances of
-    all columns, each over its variance in the whole recording. A stretch that is asked for is neither
-    shortened nor thinned out. A command becomes its mean over the samples that are passed over, a reading
-    stays what the sensor read at its sample.
+    all columns, each over its variance in the whole recording, without readings that are ignored; where rows
+    are to be held out, among the stretches that have some of them and some others. A stretch that is asked
+    for is neither shortened nor thinned out. A command becomes its mean over the samples that are passed
+    over, a reading stays what the sensor read at its sample.
 
     Args:
         name: what the user calls the recording.
@@ -133,6 +145,8 @@ def selected(
         rows: what is asked for.
         held: the quantities that are commands.
         largest_step: of the rig's solver [s].
+        ignored: column → rows whose reading does not count.
+        held_out: rows that are kept for the last word.
         total: rows before the stretch was taken, when one is asked for.
     """
     whole, step = len(time), float(time[-1] - time[0]) / max(len(time) - 1, 1)
@@ -145,7 +159,11 @@ def selected(
         time, found, ends, kept = _thinned(time, found, ends, every, held)
     cut = limited and len(time) > MOST_ROWS
     if cut:
-        first = _busiest(found, MOST_ROWS)
+        moving = {
+            key: np.where(ignored[key][kept], np.nan, values) if key in ignored else values
+            for key, values in found.items()
+        }
+        first = _busiest(moving, MOST_ROWS, None if held_out is None else held_out[kept])
         last = first + MOST_ROWS
         found = {key: values[first:last].copy() for key, values in found.items()}
         ends = tuple(row - first for row in ends if first < row < last)
@@ -178,7 +196,7 @@ def _thinned(
     return clock, found, tuple(inner), kept
 
 
-def _busiest(columns: Mapping[str, Series], length: int) -> int:
+def _busiest(columns: Mapping[str, Series], length: int, held_out: NDArray[np.bool_] | None) -> int:
     """First row of the stretch of a length in which the columns move most."""
     rows = len(next(iter(columns.values())))
     starts = np.append(np.arange(0, rows - length, max(length // PLACES, 1)), rows - length)
@@ -191,6 +209,13 @@ def _busiest(columns: Mapping[str, Series], length: int) -> int:
         sums, squares = (np.concatenate([[0.0], np.cumsum(each)]) for each in (centred, centred**2))
         mean, square = ((each[starts + length] - each[starts]) / length for each in (sums, squares))
         score += (square - mean**2) / (squares[-1] / rows)
+    if held_out is not None:
+        sums = np.concatenate([[0], np.cumsum(held_out)])
+        share = (sums[starts + length] - sums[starts]) / length
+        for fair in ((share >= FAIR) & (share <= 1 - FAIR), (share > 0) & (share < 1)):
+            if fair.any():
+                score = np.where(fair, score, -1.0)
+                break
     # Stretches that move alike differ by rounding: the first of them.
     return int(starts[np.argmax(score >= score.max() * (1 - 1e-6))])
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings.card_rows import Rows
+from jaxmuscle.recordings.card_rows import Rows, RowSpan
 from jaxmuscle.recordings.joining import distinct
 from jaxmuscle.recordings.recording import Recording
 
@@ -30,8 +30,10 @@ def rows_within(recording: Recording, spans: Sequence[str], option: str) -> Rows
     """
     if not recording.joined_from:
         return _rows({recording.name: recording.time}, spans, option)[0]
-    steps = recording.step * np.arange(len(recording), dtype=np.float64)
-    clocks = {each.name: each.begin + steps[: each.rows] for each in recording.joined_from}
+    clocks = {
+        each.name: each.begin + each.step * np.arange(each.rows, dtype=np.float64)
+        for each in recording.joined_from
+    }
     return np.concatenate(_rows(clocks, spans, option))
 
 
@@ -51,10 +53,12 @@ def held_out_part(recording: Recording, texts: Sequence[str], option: str) -> fl
     Raises:
         InputError: something else; a fraction beside a span.
     """
-    names = {member.name for member in recording.members}
+    names = tuple(member.name for member in recording.members)
     spans = [text for text in texts if ":" in text or text in names]
-    if not spans and len(texts) == 1:
+    if not spans and len(texts) == 1 and (not recording.joined_from or _is_number(texts[0])):
         return fraction(texts[0], option)
+    if not spans and recording.joined_from:
+        _name_and_span(names, texts[0], option)
     if len(spans) < len(texts):
         raise InputError(f"{option}: expected one fraction, or spans only; got {', '.join(texts)}")
     return rows_within(recording, spans, option)
@@ -75,7 +79,7 @@ def _rows(clocks: Mapping[str, Clock], spans: Sequence[str], option: str) -> lis
         name, text = _name_and_span(tuple(clocks), span, option)
         time = clocks[name]
         begin, end = _ends(text, time, option)
-        rows = (time >= begin) & (time <= end)
+        rows = RowSpan(begin, end).rows(time)
         if not rows.any():
             raise InputError(
                 f"{option} {span}: no row of {name!r} lies there; its clock runs from {time[0]:g} s to "
@@ -98,6 +102,14 @@ def _name_and_span(names: Sequence[str], span: str, option: str) -> tuple[str, s
         f"{option} {span}: expected NAME:FROM:TO in seconds of the clock of one of the recordings, or NAME "
         f"for all of it; these are {', '.join(names)}"
     )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def fraction(text: str, option: str = "--held-out") -> float:

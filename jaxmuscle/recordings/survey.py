@@ -162,7 +162,12 @@ def _checked(
                 break
     missing = {name: int(np.isnan(values).sum()) for name, values in columns.items()}
     gaps = {name: count for name, count in missing.items() if count}
-    left_out = "" if faults else rows_taken(table, card, time, columns, asked, rows)[0].told
+    left_out = ""
+    if not faults:
+        try:
+            left_out = rows_taken(table, card, time, columns, asked, rows)[0].told
+        except InputError as error:
+            faults.append(str(error))
     return sampling_of(time), gaps, left_out, faults
 
 

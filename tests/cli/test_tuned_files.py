@@ -198,8 +198,14 @@ def test_a_rig_whose_commands_have_no_limit_asks_for_a_gain() -> None:
     fuzzy = starting_controller("fuzzy").with_gains(task, ["proportional=2:bar"])
     assert float(fuzzy.proportional) == pytest.approx(2e5) and float(fuzzy.error_range) == 1.0
     # A reference that stays at zero says nothing of the size of errors either.
-    with pytest.raises(InputError, match="no limits to guess"):
-        pid.with_gains(Task(bench.model("joint"), 0.0, 0.01), [])
+    still = Task(bench.model("joint"), 0.0, 0.01)
+    with pytest.raises(InputError, match="the reference does not move.*--gain proportional"):
+        pid.with_gains(still, [])
+    sliding = starting_controller("sliding-mode")
+    with pytest.raises(InputError, match="does not move.*--gain limit=…:Pa"):
+        sliding.with_gains(
+            still, ["per_error=1:bar/rad", "per_rate=1:bar s/rad", "integral_gain=1:bar/(rad s)"]
+        )
 
 
 BEGUN = {

@@ -16,6 +16,7 @@ from jaxmuscle.control import (
     repeated,
 )
 from jaxmuscle.control.iterative_learning import lifted
+from jaxmuscle.effects import CommandDelay
 from jaxmuscle.errors import InputError
 
 SAMPLES = 120
@@ -104,6 +105,21 @@ def test_the_machine_itself_is_learned_within_limits():
     assert found.errors[-1] < 0.02 * found.errors[0]
     tight = learn(plant, WANTED, QUICK, repetitions=4, limits=(-0.1, 0.4))
     assert tight.outputs.max() == 0.4 and tight.errors[-1] > 10 * found.errors[-1]
+
+
+@pytest.mark.parametrize("late", [2.0, 1.3])
+def test_a_delay_of_the_command_is_in_the_model(late):
+    machine = fan().with_effects(command_delay=built(CommandDelay, late * STEP))
+    model = channel_model(machine, STEP)
+    assert not model.impulse(int(late)).any() and model.gain == pytest.approx(MODEL.gain, rel=1e-9)
+    law = inverse_learning(model, SAMPLES, error=1.0, effort=5.0)
+    plant = repeated(machine, TIMES, start={"speed": REST})
+    # A small output, about which the machine is nearly linear, as the model has it.
+    output = 0.01 * np.sin(np.arange(SAMPLES))
+    expected = model.rest + lifted(model, SAMPLES) @ output
+    np.testing.assert_allclose(np.asarray(plant(output)), expected, atol=1e-3)
+    found = np.asarray(learn(plant, WANTED, law, repetitions=15).errors)
+    assert found[-1] < 0.03 * found[0]
 
 
 def test_what_is_smoothed_does_not_learn_noise():

@@ -67,6 +67,15 @@ def test_behind_a_limit_nothing_winds_up():
     assert (volts[10:80] == 12.0).all() and volts[81] < 12.0 and np.isfinite(speed).all()
 
 
+@pytest.mark.parametrize("iterations", [1, 2, 3])
+def test_however_often_it_iterates_it_comes_off_a_limit(iterations):
+    settings = {"error": 1.0, "move": 0.5, "blocks": 5, "iterations": iterations, "start": START}
+    speed, volts = run(
+        fan(), model_predictive(fan(), STEP, **settings), np.where(STEP * np.arange(400) < 0.3, 160.0, 260.0)
+    )
+    assert volts.max() == pytest.approx(12.0) and speed[-1] == pytest.approx(260.0, abs=0.1)
+
+
 @pytest.mark.slow
 def test_slopes_are_those_of_finite_differences():
     @jax.jit

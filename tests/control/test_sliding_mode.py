@@ -8,6 +8,7 @@ from oracles import bench
 from oracles.bench import built
 
 from jaxmuscle.control import JointModel, Reference, SlidingMode, joint_model, model_inverse
+from jaxmuscle.effects import Gravity
 from jaxmuscle.errors import InputError
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.robot.tondu2000 import robot_joint
@@ -141,6 +142,12 @@ def test_the_joint_of_a_linearised_machine():
     table = model_inverse(joint, (-2e3, 2e3), points=5, mean_pressure=mean)
     slope = float((table.readings[3] - table.readings[1]) / (table.outputs[3] - table.outputs[1]))
     assert float(found.gain / found.stiffness) == pytest.approx(slope, rel=1e-3)
+
+
+def test_a_joint_that_falls_over_is_told():
+    upright = robot_joint(0.64).with_effects(gravity=built(Gravity, -20.0))
+    with pytest.raises(InputError, match="its stiffness is -28"):
+        joint_model(upright)
 
 
 def test_a_rig_without_an_angle_is_told():

@@ -55,13 +55,21 @@ def test_a_controller_that_is_attached_keeps_its_wiring():
     assert margins(fan(), twice, STEP).modulus == pytest.approx(margins(fan(), built(PID, 0.4), STEP).modulus)
 
 
-@pytest.mark.parametrize("delay", [0.0, 2.0])
+@pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.0, 2.7])
 def test_at_the_edge_of_stability_the_margin_is_gone(delay):
     machine = fan().with_effects(command_delay=built(CommandDelay, delay * STEP)) if delay else fan()
     one = margins(machine, built(PID, 0.1), STEP)
-    edge = 0.1 * one.gain if delay else (1 + DECAY) / PUSH
+    edge = 0.1 * one.gain
+    if not delay:
+        assert edge == pytest.approx((1 + DECAY) / PUSH, rel=1e-9)
     below, above = (margins(machine, built(PID, share * edge), STEP) for share in (0.97, 1.03))
     assert below.stable and not above.stable and below.modulus < 0.05 < one.modulus
+
+
+def test_a_part_of_a_sample_delays_by_a_part_of_it():
+    slight = fan().with_effects(command_delay=built(CommandDelay, 0.01 * STEP))
+    without, with_it = (margins(machine, built(PID, 2.5), STEP) for machine in (fan(), slight))
+    assert with_it.stable and with_it.modulus == pytest.approx(without.modulus, rel=0.05)
 
 
 def test_slopes_are_those_of_finite_differences():

@@ -4,12 +4,15 @@ import dataclasses
 import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.windows import case
+from jaxmuscle.recordings import LongRecording, row_selection
 from jaxmuscle.recordings.joining import distinct, joined, of_one_bench
+from jaxmuscle.recordings.spans import held_out_part, rows_within
 
 ROWS = """
 [ignore]
@@ -140,3 +143,62 @@ def test_recordings_of_different_benches(recording):
     heavier = recording.card.updated(values={"mass": (9.0, None)})
     with pytest.raises(InputError, match=r"differ in \[known\] mass"):
         of_one_bench([recording, dataclasses.replace(recording, card=heavier)])
+
+
+def test_a_long_recording_keeps_rows_to_fit_and_rows_to_hold_out(monkeypatch):
+    monkeypatch.setattr(row_selection, "MOST_ROWS", 1000)
+    loud = "noisy = { from = 7, to = 8.5, unit = 's', column = 'position' }"
+    text = f"{TEXT}\n[ignore]\n{loud}\n[held_out]\nend = {{ from = 6, unit = 's' }}\n"
+    table = pd.read_csv(jm.sample("lift"))
+    shaken = (table["t_s"] > 7) & (table["t_s"] < 8.5)
+    table.loc[shaken, "x_mm"] += np.random.default_rng(0).normal(scale=10, size=int(shaken.sum()))
+    with pytest.warns(LongRecording):
+        taken = jm.read(table, jm.Card.from_toml(text))
+    assert len(taken) == 1000 and 0.1 <= taken.held_out.mean() <= 0.9
+    # What the broken sensor shows does not count as motion.
+    assert not taken.ignored.get("position", np.zeros(1000, dtype=bool)).all()
+
+
+@pytest.mark.parametrize("stretch", ["all", "2:5"])
+def test_a_span_beyond_the_table_is_told_whatever_is_asked_for(stretch):
+    late = f"{TEXT}\n[held_out]\nlate = {{ from = 4000, unit = 's' }}\n"
+    with pytest.raises(InputError, match=r"\[held_out\] late: no row lies there"):
+        jm.read(jm.sample("lift"), jm.Card.from_toml(late), stretch=stretch)
+
+
+def test_a_break_at_the_first_row_of_a_stretch_is_its_beginning():
+    text = f"{TEXT}\n[breaks]\nsecond = {{ at = {6 / 60!r}, unit = 'min' }}\n"
+    assert jm.read(jm.sample("lift"), jm.Card.from_toml(text), stretch=(6, 9)).breaks == ()
+
+
+def test_a_list_is_no_column():
+    text = f"{TEXT}\n[ignore]\nslack = {{ from = 1, to = 2, unit = 's', column = ['pressure'] }}\n"
+    with pytest.raises(InputError, match=r"unknown column \['pressure'\]"):
+        jm.Card.from_toml(text)
+
+
+def test_the_unit_that_a_card_is_written_in_makes_no_other_machine():
+    grams = TEXT.replace('mass = { value = 8, unit = "kg" }', 'mass = { value = 8000, unit = "g" }')
+    assert grams != TEXT
+    pair = [jm.read(jm.sample("lift"), jm.Card.from_toml(text)) for text in (TEXT, grams)]
+    assert len(of_one_bench(pair)) == 12_000
+    heavier = jm.read(jm.sample("lift"), jm.Card.from_toml(grams.replace("8000", "8100")))
+    with pytest.raises(InputError, match=r"differ in \[known\] mass"):
+        of_one_bench([pair[0], heavier])
+
+
+def test_thinned_beside_whole_is_told_with_what_to_ask_for():
+    whole, thin = (jm.read(jm.sample("lift"), card(""), every=every) for every in (1, 2))
+    with pytest.raises(InputError, match="one sampling step.*--every N"):
+        of_one_bench([whole, thin])
+
+
+def test_each_of_several_recordings_has_a_clock_of_its_own():
+    one = jm.read(jm.sample("lift"), card(""))
+    longer = dataclasses.replace(one, time=one.time * 1.009, step=one.step * 1.009, name="longer")
+    rows = rows_within(of_one_bench([one, longer]), ["longer:12:"], "--held-out")
+    np.testing.assert_array_equal(rows[6000:], longer.time >= 12 - 1e-8)
+    assert not rows[:6000].any()
+    with pytest.raises(InputError, match="--held-out d: expected NAME:FROM:TO.*lift, longer"):
+        held_out_part(of_one_bench([one, longer]), ["d"], "--held-out")
+    assert held_out_part(of_one_bench([one, longer]), ["0.2"], "--held-out") == 0.2
