@@ -66,8 +66,8 @@ def test_the_files_can_be_read_back(outcome, bench):
         (["first.csv", "--free", "endfactor"], "did you mean 'end_factor'"),
         (["first.csv", "--loss", "cubes"], "loss: unknown 'cubes'"),
         (
-            ["first.csv", "second.csv", "--card", "first.toml"],
-            "expected a --card for each of 2 recordings; got 1",
+            ["first.csv", "second.csv", "first.csv", "--card", "first.toml", "--card", "first.toml"],
+            "expected one --card for all of 3 recordings, or one for each; got 2",
         ),
         (["first.csv", "--out", "first.csv"], "is not a folder"),
         ([], "Missing argument"),
