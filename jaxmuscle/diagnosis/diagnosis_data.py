@@ -230,6 +230,10 @@ class DiagnosisData:
             return ()
         names = {effect.name for effect in self.added}
         adding = [search for search in self.rounds if search.added is not None]
-        stayed = [each for each in adding if len(each.ranking) > 1 and set(each.added.split(" + ")) <= names]
+        stayed = [
+            each
+            for each in adding
+            if len(each.ranking) > 1 and each.added and set(each.added.split(" + ")) <= names
+        ]
         first = (stayed or adding or list(self.rounds))[0]
         return tuple(a for a in first.ranking if a.name != first.added)

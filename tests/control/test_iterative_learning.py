@@ -117,7 +117,7 @@ def test_a_delay_of_the_command_is_in_the_model(late):
     # A small output, about which the machine is nearly linear, as the model has it.
     output = 0.01 * np.sin(np.arange(SAMPLES))
     expected = model.rest + lifted(model, SAMPLES) @ output
-    np.testing.assert_allclose(np.asarray(plant(output)), expected, atol=1e-3)
+    np.testing.assert_allclose(np.asarray(plant(jnp.asarray(output))), expected, atol=1e-3)
     found = np.asarray(learn(plant, WANTED, law, repetitions=15).errors)
     assert found[-1] < 0.03 * found[0]
 
