@@ -196,7 +196,7 @@ def test_several_recordings_of_one_bench(
     ("options", "told"),
     [
         (("--ignore", "3:3.5"), "expected NAME:FROM:TO"),
-        (("--held-out", "third"), "expected a fraction"),
+        (("--held-out", "third"), "these are first, second"),
         (("--held-out", "0.2", "--held-out", "second"), "one fraction, or spans only"),
         (("--held-out", "second:0:1"), "no row of 'second' lies there"),
         (("--card", "first.toml", "--card", "second.toml", "--card", "first.toml"), "one for each; got 3"),

@@ -64,6 +64,7 @@ def test_it_is_told_as_a_constant_everywhere(diagnosis):
     assert "The card&#39;s braid angle" in html and "constant:" not in html
     assert "What is wrong on the card" in html and "on the card</dt><dd><b>0.4189 rad" in html
     assert not any("braid" in doubt for doubt in doubts(diagnosis))
+    assert "braid_angle" in diagnosis.settings["constants"]
 
 
 def test_it_is_read_back_from_a_file(diagnosis, tmp_path):

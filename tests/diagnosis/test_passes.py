@@ -32,7 +32,7 @@ class Outcome:
     share_left: float = 1.0
     seconds: float = 10.0
     declared: Any = SMOOTH
-    violated_priors: Any = MappingProxyType({})
+    violated_priors: Any = ()
 
 
 def passes(*outcomes, constants=False):
