@@ -70,7 +70,7 @@ def request_of(stretch: str | Sequence[float] | None, every: int | None) -> RowR
         elif isinstance(stretch, Sequence):
             ends = stretch
         begin, end = (float(each) for each in ends)  # pyright: ignore[reportArgumentType]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"stretch: expected {EXPECTED}; got {stretch!r}") from None
     if not begin < end:
         raise InputError(f"stretch: expected {EXPECTED}, that ends after it begins; got {stretch!r}")

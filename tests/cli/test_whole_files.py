@@ -88,7 +88,7 @@ def is_whole(path: Path) -> bool:
         return content.endswith(b"IEND\xaeB`\x82")
     if path.suffix == ".nc":
         return content.startswith((b"CDF", b"\x89HDF")) and len(content) > 500
-    return content.endswith(b"</html>\n" if path.suffix == ".html" else b"\n")
+    return content.endswith(b"</html>" if path.suffix == ".html" else b"\n")
 
 
 def outcomes(folder: Path) -> None:
