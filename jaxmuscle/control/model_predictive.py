@@ -16,7 +16,7 @@ from jaxmuscle.control.feedback import output_limits
 from jaxmuscle.control.pid import check_signs
 from jaxmuscle.control.sliding_mode import Reference
 from jaxmuscle.errors import InputError
-from jaxmuscle.optimization.gauss_newton import gauss_newton
+from jaxmuscle.optimization.gauss_newton import gauss_newton_step
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.simulation.simulation_state import SimulationState
 from jaxmuscle.simulation.stepper import Stepper, stepper
@@ -99,7 +99,7 @@ class ModelPredictive(eqx.Module):
 
         plan = state.plan
         for _ in range(self.iterations):
-            plan = jnp.clip(gauss_newton(residuals, plan, 1), lowest, highest)
+            plan = jnp.clip(gauss_newton_step(residuals, plan), lowest, highest)
         machine, _ = self.model.step(state.machine, self._command(plan[0]))
         return Predicting(machine, self._later(plan), plan[0]), plan[0]
 

@@ -10,6 +10,7 @@ from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
 from jaxmuscle.diagnosis.pairs import needed
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank, unseen_loss
+from jaxmuscle.diagnosis.verdict import VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import get
@@ -18,8 +19,6 @@ from jaxmuscle.progress import Meter
 MOST_OF_IT = 0.5
 """Part of the excess error on unseen windows that a constant has to remove. One that is wrong explains all
 that it is the cause of; with less it imitates something else, as a braid angle can a part of any force."""
-FAR_FROM_CARD = 3.0
-"""Standard deviations of the card from which the value of an uncertain quantity contradicts it."""
 
 
 def rank_with_constants(
@@ -83,7 +82,7 @@ def explains(candidate: Candidate, found: int) -> bool:
     if not candidate.judged:
         return False
     contradicts = all(
-        abs(float(get(candidate.model, each.path)) - each.declared) > FAR_FROM_CARD * (each.std or 0.0)
+        abs(float(get(candidate.model, each.path)) - each.declared) > VIOLATED * (each.std or 0.0)
         for each in constants
     )
     return contradicts and candidate.evidence.gain >= MOST_OF_IT and candidate.evidence.supports(found + 1)

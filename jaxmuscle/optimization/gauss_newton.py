@@ -1,4 +1,4 @@
-"""A few Gauss-Newton steps within a compiled program, with derivatives in forward and reverse mode."""
+"""A Gauss-Newton step within a compiled program, with derivatives in forward and reverse mode."""
 
 from __future__ import annotations
 
@@ -57,17 +57,13 @@ class GaussNewton(optx.AbstractGaussNewton):
     verbose: Callable[..., None] = _silent
 
 
-def gauss_newton(
-    residuals: Callable[[Vector], Float[Array, " residuals"]], first: Vector, iterations: int
-) -> Vector:
-    """The point after a fixed number of steps from `first`; the steps are unrolled."""
+def gauss_newton_step(residuals: Callable[[Vector], Float[Array, " residuals"]], at: Vector) -> Vector:
+    """The point after one step from `at`."""
 
     def function(y: Vector, args: None) -> tuple[Array, None]:
         return residuals(y), None
 
     solver: Any = GaussNewton()
-    shape = eqx.filter_eval_shape(residuals, first)
-    state, y = solver.init(function, first, None, {}, shape, None, frozenset()), first
-    for _ in range(iterations):
-        y, state, _ = solver.step(function, y, None, {}, state, frozenset())
-    return state.y_eval
+    shape = eqx.filter_eval_shape(residuals, at)
+    state = solver.init(function, at, None, {}, shape, None, frozenset())
+    return solver.step(function, at, None, {}, state, frozenset())[1].y_eval
