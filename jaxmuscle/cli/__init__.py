@@ -57,7 +57,7 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # A second Ctrl-C must not disturb the end.
         end_by_interrupt(told=False)
     except SystemExit as end:
-        # What was asked for is done; Python's own end takes a moment, and Ctrl-C in it would look like a fault.
+        # What was asked for is done; Ctrl-C during Python's own end would look like a fault.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if end.code != INTERRUPTED:
             raise
