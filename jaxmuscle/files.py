@@ -159,9 +159,8 @@ def _opened_beside(target: Path) -> Path:
     """A new empty file in the folder of `target`, with the mode that `target` has or would get."""
     unfinished = _beside(target)
     with _renaming:
+        unfinished.touch(exist_ok=False)
         _unfinished.add(unfinished)
-        with unfinished.open("x"):
-            pass
     if target.exists():
         unfinished.chmod(target.stat().st_mode & 0o777)
     return unfinished
@@ -204,7 +203,7 @@ def _to_disk(file: Path) -> None:
 
 def _remove(paths: Iterable[Path]) -> None:
     for path in paths:
-        with contextlib.suppress(FileNotFoundError):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):  # Its folder may be a file by now.
             shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
         _unfinished.discard(path)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from jaxmuscle import InputError, files
-from jaxmuscle.files import abandon, atomic_folder, atomic_write, check_place
+from jaxmuscle.files import abandon, atomic_folder, atomic_write, check_place, new_folder
 
 
 def mode(path):
@@ -147,6 +147,14 @@ def test_places_are_looked_at_before_the_work(tmp_path, name, told):
     with pytest.raises(InputError, match=f"--out .*{told}"):
         check_place(tmp_path / name, "--out")
     check_place(tmp_path / "folder" / "new", "--out")
+
+
+def test_a_folder_below_a_file_is_refused_and_forgotten(tmp_path):
+    (tmp_path / "page.html").write_text("")
+    told = pytest.raises(InputError, match="cannot write .*frames.*: Not a directory")
+    with told, new_folder(tmp_path / "page.html" / "frames"):
+        pytest.fail("there is no such folder")
+    assert not files._unfinished and [file.name for file in tmp_path.iterdir()] == ["page.html"]
 
 
 def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch):

@@ -48,6 +48,7 @@ def test_a_long_step_comes_to_rest_and_an_absurd_one_is_no_number():
     assert jnp.isnan(propagator(stable, jnp.asarray(1e4)).whole).all()
 
 
+@pytest.mark.slow
 def test_matrices_of_a_batch_and_their_derivatives_backwards():
     widths = jnp.array([1e-6, 5e-4, 0.02])
     first = jax.vmap(lambda h: propagator(A, h).first)

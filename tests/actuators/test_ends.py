@@ -57,6 +57,7 @@ def test_a_joint_of_any_range_stays_finite(contraction):
     assert np.isfinite(angle) and np.isfinite(slope)
 
 
+@pytest.mark.slow
 def test_joint_with_an_end_equals_the_oracle():
     command = bench.joint_command()
     *_, angle, velocity = joint(SHORT, DAMPED, command, bench.STEPS["joint"], command[0], 0.0, 40)
@@ -97,6 +98,7 @@ def over_scenes():
     return bench.Track(*jax.tree.map(jnp.asarray, (np.full(4, 2e-3), command, measured)))
 
 
+@pytest.mark.slow
 def test_slopes_at_the_end_equal_finite_differences():
     actuator = robot_joint(0.2, friction=False)
     values = np.array([0.31, 0.015, 0.1, 1.25, 0.2])
@@ -121,6 +123,7 @@ def test_slopes_at_the_end_equal_finite_differences():
     np.testing.assert_allclose(back, np.einsum("t,stj->sj", weights, slopes), rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_rests_at_its_end_and_moves_with_it_alone():
     actuator = bench.model("joint", load_damping={"coefficient": 0.4})
     actuator = replace(actuator, {"initial_contraction": 0.09})

@@ -63,6 +63,7 @@ def test_the_longest_step_is_short_enough():
     assert np.sqrt(np.mean((fine - coarse) ** 2)) < 0.01 * np.ptp(fine)
 
 
+@pytest.mark.slow
 def test_on_a_stiff_stopper_it_is_the_held_piston():
     # With n = 1 the gas keeps its temperature, as [H] takes it; what is left is dead volume and give.
     held = replace(bench.model("jet-pipe"), {"polytropic_exponent": 1.0, "residual_force": 0.0})

@@ -79,6 +79,7 @@ def test_a_muscle_goes_slack_in_the_comparison():
     assert (contraction > slack).sum() > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRY)
 def test_equals_oracle_with_dry_friction(name):
     # What a sticking time of 0.5 ms leaves: 0.13 % of the range of the angle.
@@ -94,6 +95,7 @@ def test_dry_friction_approaches_the_sharp_law(monkeypatch):
     assert sharper < angle / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quantity", "path"),
     [

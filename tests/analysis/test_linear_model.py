@@ -150,6 +150,7 @@ def sweep():
     return jax.jit(jax.vmap(jax.vmap(at, (None, 0)), (0, None)))(STOPPERS, FORCES)
 
 
+@pytest.mark.slow
 def test_many_points_at_once():
     points, _ = sweep()
     assert points.converged.shape == (3, 3) and points.converged.all()
@@ -179,6 +180,7 @@ def test_a_point_that_did_not_converge_is_refused():
         linearise(actuator, equilibrium(actuator, 0.0))
 
 
+@pytest.mark.slow
 def test_among_many_points_the_ones_that_did_not_converge_are_marked():
     def at(force):
         point = equilibrium_at(THESIS, "force", force, command=1.0)

@@ -77,6 +77,7 @@ def test_from_a_reference_to_gains_report_and_commands(run: Run, tmp_path: Path)
     np.testing.assert_allclose(closed["theta_deg_wanted"], 12 * np.sin(6 * closed["t_s"]), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_own_gains_sample_time_and_start(run: Run) -> None:
     Path("corners.csv").write_text("t_s,theta_deg\n1,0\n1.1,5\n1.5,5\n1.6,0\n")
     outcome = run(

@@ -93,6 +93,7 @@ def tracking(gain, delay=None, machine=SMOOTH):
     return 1e3 * jnp.mean((found.readings["angle"] - TARGET) ** 2)
 
 
+@pytest.mark.slow
 def test_gradient_of_a_tracking_cost_equals_finite_differences():
     # Over a gain, and over a delay: what the delayed loop does depends on the commands that it has given.
     cost = jax.jit(lambda both: tracking(1e5 * both[0], 1e-3 * both[1]))
@@ -106,6 +107,7 @@ def test_gradient_of_a_tracking_cost_equals_finite_differences():
     assert float(along) == pytest.approx(float(slope.sum()), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_gains_side_by_side_with_dry_friction():
     gains = jnp.array([0.5e5, 1.5e5, 2.5e5])
     cost = lambda gain: tracking(gain, machine=JOINT)  # noqa: E731

@@ -29,6 +29,7 @@ def run(machine, controller, wanted):
     return np.asarray(found.readings["speed"]), np.asarray(found.commands)
 
 
+@pytest.mark.slow
 def test_the_plan_is_that_of_another_optimiser():
     settings = {"error": 1.0, "move": 0.5, "blocks": 4, "hold": 2, "iterations": 6, "start": START}
     controller = model_predictive(fan(), STEP, **settings)

@@ -148,6 +148,7 @@ def test_order_names_every_path_that_may_move(tools):
     assert len(set(order)) == len(order)
 
 
+@pytest.mark.slow
 def test_a_fit_of_more_parameters_than_fits_are_laid_out_for(prepared, tools):
     names = ["thread_friction", "bladder_stiffness", "bladder_hoop_stiffness", "pressure_dependent_ends"]
     free = tools.free_paths(tools.dressed(tools.model, names), names)

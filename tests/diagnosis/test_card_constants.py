@@ -34,6 +34,7 @@ def diagnosis():
     return jm.diagnose(driven_recording({"thread_friction": bench.THREADS}, card, seed=3))
 
 
+@pytest.mark.slow
 def test_a_wrong_braid_angle_is_found_and_nothing_else(diagnosis):
     assert diagnosis.verdict == "effects found"
     (found,) = diagnosis.effects
@@ -49,6 +50,7 @@ def test_a_wrong_braid_angle_is_found_and_nothing_else(diagnosis):
     assert "length_hysteresis" in [other.name for other in diagnosis.alternatives if other.told_apart]
 
 
+@pytest.mark.slow
 def test_it_is_told_as_a_constant_everywhere(diagnosis):
     said = sentence(diagnosis)
     assert "with a braid angle of 0.349" in said and "and not 0.4189 rad as on the card" in said
@@ -67,6 +69,7 @@ def test_it_is_told_as_a_constant_everywhere(diagnosis):
     assert "braid_angle" in diagnosis.settings["constants"]
 
 
+@pytest.mark.slow
 def test_it_is_read_back_from_a_file(diagnosis, tmp_path):
     again = jm.Diagnosis.load(diagnosis.save(tmp_path / "saved.json"))
     assert again.effects == diagnosis.effects and again.effects[0].is_constant
@@ -122,6 +125,7 @@ def test_a_freed_constant_has_bounds_and_no_prior(prepared):
     assert set(free) <= set(tools.order(tools.model))
 
 
+@pytest.mark.slow
 def test_slopes_by_constants_are_finite_differences(prepared):
     tools = workbench(prepared, [], [], card_constants(prepared))
     problem = prepared.training.in_parts(4)
@@ -189,6 +193,7 @@ def test_an_uncertain_value_has_to_contradict_the_card(prepared):
     assert explains(candidate(prepared, mass, 0.0, 0.99, value=11.1), 0)
 
 
+@pytest.mark.slow
 def test_a_constant_within_three_standard_deviations_is_doubted(diagnosis):
     (found,) = diagnosis.effects
     (angle,) = found.parameters.values()

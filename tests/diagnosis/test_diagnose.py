@@ -107,6 +107,7 @@ def test_nothing_is_missing():
         assert abs(estimate.value - value) < 4 * estimate.std
 
 
+@pytest.mark.slow
 def test_ends_of_the_muscle_are_found():
     effects = {"thread_friction": bench.THREADS, "pressure_dependent_ends": {"amplitude": 0.8}}
     diagnosis = diagnose(driven_recording(effects, driven_card(bench.THREADS), seed=5))
@@ -121,6 +122,7 @@ def test_ends_of_the_muscle_are_found():
     assert np.std(reveal.after) < 0.5 * np.std(reveal.before)
 
 
+@pytest.mark.slow
 def test_what_the_catalogue_does_not_hold_is_unexplained():
     """A force that ripples along the contraction, and an empty catalogue."""
     contraction = driven_recording({}, driven_card({})).columns["position"]

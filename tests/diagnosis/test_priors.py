@@ -94,6 +94,7 @@ def test_a_model_that_lacks_nothing_has_the_weights_of_the_sensors(recording):
     assert all((columns > 0.3).all() for columns in settled.factors.values()), settled.factors
 
 
+@pytest.mark.slow
 def test_friction_and_damping_are_found(recording):
     found = jm.diagnose(recording, catalogue=(LoadFriction, LoadDamping, jm.effects.EndStop))
     assert found.verdict == "effects found"

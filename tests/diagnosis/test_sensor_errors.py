@@ -14,6 +14,7 @@ from jaxmuscle.estimation.windows import case
 NOISE = {"pressure": 300.0, "position": 5e-5}
 
 
+@pytest.mark.slow
 def test_predictions_of_a_column_that_is_read_late_begin_at_true_velocities():
     machine, step = bench.model("isotonic"), bench.STEPS["isotonic"]
     command = bench.isotonic_command()

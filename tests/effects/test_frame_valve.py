@@ -56,6 +56,7 @@ def test_strength_scales_it_and_zero_is_nothing():
     np.testing.assert_allclose(slope * WIDTH, additions(path), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_runs_in_the_actuator():
     actuator = bench.model("jet-pipe")
     with_rule = actuator.with_effects(valve_hysteresis_by_frame=bench.built(FrameValveHysteresis, WIDTH))

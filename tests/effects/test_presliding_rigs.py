@@ -36,6 +36,7 @@ def arm():
     return robot(), bench.track("scara", command, **still), "angle", 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [lift, piston, arm], ids=lambda case: case.__name__)
 def test_is_stable_and_approaches_the_law_without_bristles(case):
     bare, track, reading, substeps = case()

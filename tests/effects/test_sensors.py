@@ -45,6 +45,7 @@ def test_a_lagging_pressure_in_the_chain(true):
     np.testing.assert_array_equal(found["position"], true["position"])
 
 
+@pytest.mark.slow
 def test_the_position_is_predicted_from_the_pressure_before_its_sensor_lagged(true):
     effect = {"pressure_sensor_lag": {"time_constant": 0.02}}
     machine, readings = lifted(**effect)
@@ -128,6 +129,7 @@ def test_on_other_rigs_they_act_on_every_pressure_and_on_the_motion(rig):
     assert 0.0 < np.abs(np.asarray(found["angle"] - plain["angle"])).max() <= 0.01 + 1e-12
 
 
+@pytest.mark.slow
 def test_one_time_constant_is_found_from_both_links(true):
     readings = lifted(pressure_sensor_lag={"time_constant": 0.012})[1]
     noise, rng = {"pressure": 300.0, "position": 5e-5}, np.random.default_rng(4)

@@ -82,6 +82,7 @@ def test_at_factor_one_nothing_changes_and_at_a_large_one_friction_creeps(record
     np.testing.assert_allclose(slope, difference, atol=1e-4 * float(np.abs(difference).max()))
 
 
+@pytest.mark.slow
 def test_from_wide_to_narrow_to_the_same_answer(recording):
     stages: list[str] = []
     machine = drive(15.0, 30.0, 100.0)

@@ -89,6 +89,7 @@ def creeping():
     return jm.actuator(recording.card).with_effects(creep=creep), recording
 
 
+@pytest.mark.slow
 def test_creep_that_is_not_at_rest(creeping, tmp_path):
     machine, recording = creeping
     free = ["creep.stiffness", "end_factor"]
@@ -124,6 +125,7 @@ def test_each_recording_has_its_own(creeping):
     assert own.start == 0.0 and abs(own.value - BEGIN[0]) < 4 * own.std
 
 
+@pytest.mark.slow
 def test_slopes_by_initial_states_are_differences(part):
     """A hidden state, a measured one and its rate: nothing is as measured at the first sample."""
     machine, recording = part

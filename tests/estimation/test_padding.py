@@ -132,6 +132,7 @@ def test_lengths_of_one_size_share_a_program(lift):
             np.testing.assert_allclose(values, plain[output], rtol=0, atol=1e-11 * size)
 
 
+@pytest.mark.slow
 def test_fits_of_two_lengths_share_their_programs(lift):
     """And each is what it would be alone: the readings that count are its own."""
 

@@ -16,6 +16,7 @@ def swing():
     return case(jm.read(jm.sample("swing")).part(0, 700), 0.0)
 
 
+@pytest.mark.slow
 def test_parts_are_those_of_the_residual_vector(swing):
     layout = ResidualLayout.of(swing.actuator, swing.training)
     vector = np.asarray(residual_vector(jnp.zeros(0), swing.actuator, swing.training, ()))

@@ -31,6 +31,7 @@ def place():
     return station(jm.actuator(recording.card), recording, "pull", None, {})
 
 
+@pytest.mark.slow
 def test_all_lanes_are_what_each_is_alone(place):
     values, slopes = values_and_slopes(jnp.asarray(AT), place.actuator, place.problem, PATHS)
     assert values.shape == (3, place.samples) and slopes.shape == (3, 4, place.samples)

@@ -27,6 +27,7 @@ def own(recording):
     return fitted(recording, *FREE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_it_ends_at_our_minimum(name, recording, own):
     found = fitted(recording, *FREE, solver=SOLVERS[name])
@@ -56,6 +57,7 @@ def test_a_bound_is_a_bound(recording, own):
     assert theirs.cost == pytest.approx(ours.cost, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_many_starts_budget_progress_and_losses(recording, own):
     said = []
     found = fitted(

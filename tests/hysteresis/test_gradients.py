@@ -38,6 +38,7 @@ def packed(model):
     return np.concatenate([v.ravel() for v in entries.values()]), unpacked, names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_over_every_parameter(name):
     vector, unpacked, names = packed(ALL[name])

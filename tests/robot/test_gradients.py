@@ -101,6 +101,7 @@ def test_gradient_over_the_commands_equals_finite_differences():
     np.testing.assert_allclose((slope * way).sum((1, 2)), difference, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_scenes_are_what_they_say():
     moved = dict(zip(SCENES, np.asarray(RUN(VALUES, stacked())), strict=True))
     assert np.ptp(moved["at rest"], axis=0).max() < 1e-9

@@ -77,6 +77,7 @@ def test_effects_that_need_a_pair_or_one_angle_are_not_offered():
     assert not {"muscle_mismatch", "gravity"} & names
 
 
+@pytest.mark.slow
 def test_effects_with_states_run():
     actuator = machine().with_effects(
         creep=bench.BY_NAME["creep"](stiffness=60.0),  # pyright: ignore

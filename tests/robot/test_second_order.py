@@ -30,6 +30,7 @@ def test_finds_what_made_the_data(truth):
     assert found.rmse < 1e-8
 
 
+@pytest.mark.slow
 def test_standard_deviations_cover_the_noise():
     errors, stds = [], []
     for seed in range(20):

@@ -18,6 +18,7 @@ def followed(machine, joints, times):
     return np.asarray(simulate(machine, commands, times, start=begin).readings["angle"])
 
 
+@pytest.mark.slow
 def test_a_posture_is_held():
     posture = jnp.tile(jnp.array([0.6, -1.1]), (500, 1))
     still = Motion(posture, 0 * posture, 0 * posture)

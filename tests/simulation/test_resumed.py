@@ -148,6 +148,7 @@ def test_states_are_those_of_the_machine():
     assert jm.simulate(machine, command(machine), clock(machine)).states is None
 
 
+@pytest.mark.slow
 def test_a_slope_goes_through_both_halves():
     machine = bench.model("isotonic").with_effects(command_delay=DELAY)
     given, times = command(machine), clock(machine)

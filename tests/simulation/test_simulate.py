@@ -76,6 +76,7 @@ def test_command_from_a_given_start(machine):
         assert float(readings[name][0]) == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_command_from_hidden_states(machine):
     """A creep that began before, whole and by its entries; a valve that is open."""
     numbers = {"stiffness": 500.0, "fast_time": 0.5, "slow_time": 3.0}

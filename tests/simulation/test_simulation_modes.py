@@ -121,6 +121,7 @@ def test_slope_goes_through_controlled_steps(machine):
     np.testing.assert_allclose(slope, difference, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_reverse_mode_gives_what_forward_mode_gives():
     machine = bench.model("isotonic", length_hysteresis=bench.LOOP)
 

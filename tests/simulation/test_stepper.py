@@ -110,6 +110,7 @@ def test_compiled_once_over_a_thousand_steps_and_other_parameters(monkeypatch):
     assert len(traces) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["isotonic", "joint"])
 def test_gradient_through_fifty_steps_equals_finite_differences(rig):
     machine = bench.model(rig).with_effects(command_delay=DELAY)

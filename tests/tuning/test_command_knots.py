@@ -39,6 +39,7 @@ def cost(values):
     return np.mean(error**2) / 0.2**2 + np.mean((np.asarray(found.commands) - 1.0) ** 2)
 
 
+@pytest.mark.slow
 def test_the_least_effort_is_that_of_another_optimiser():
     tuned = jm.tune(fan(), command_knots(fan(), 0.8, 5), THERE, SIZES, starts=1)
     assert list(tuned.gains) == [f"values[{i}]" for i in range(5)]
@@ -52,6 +53,7 @@ def test_the_least_effort_is_that_of_another_optimiser():
     assert tuned.after.cost < 0.95 * steady
 
 
+@pytest.mark.slow
 def test_the_least_time_within_limits():
     knots = command_knots(fan(), 0.3, 11)
     bounds = {"values": (-1 / 11, 0.6)}

@@ -48,6 +48,7 @@ def evaluation():
     return Evaluation(rig, gains.unknowns, cases, (0, 1, 2, 3), 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1.0, 4.0], ids=["mean", "worst"])
 def test_slopes_of_the_cost_equal_finite_differences(evaluation, order):
     both = dataclasses.replace(evaluation, order=order)
@@ -94,6 +95,7 @@ def sum_of_squares(run, reference):
     return jnp.sum(residuals(run, reference) ** 2)
 
 
+@pytest.mark.slow
 def test_a_wider_friction_is_smoother_and_has_its_slopes():
     light = robot_joint(0.03)
 
