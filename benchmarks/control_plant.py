@@ -11,8 +11,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from blind_cards import UNCERTAIN
 from blind_recordings import SUBSTEPS, Blind, drawn
-from measured_rows import closed_on_plant
+from measured_rows import closed_on_plant, stable_on_plants
 from numpy.typing import NDArray
 from oracles.joint import joint  # pyright: ignore[reportMissingImports]
 from published_rows import Row
@@ -33,6 +34,10 @@ HIDDEN = {1: "gravity", 41: "load_friction"}
 """Seed of a recording → the effect that its card does not name."""
 PAYLOADS = (1.0, 1.5, 2.0)
 """Inertia of the plant over that of the recording."""
+DRAWN, SWING = 100, 0.05
+"""Plants that are drawn around each, and how far one may be off where it should have come to rest [rad]."""
+STRENGTHS = ("force", "torque", "static_coefficient", "kinetic_coefficient", "coefficient")
+"""Parameters of effects that tell how much of one there is."""
 
 
 def raised(amplitude: float, hertz: float) -> NDArray[np.float64]:
@@ -49,6 +54,14 @@ PRACTICE = (raised(0.3, 0.5), risen(-0.25, 0.6))
 UNSEEN = (raised(-0.4, 0.4), risen(0.35, 0.5))
 
 
+class Plant(NamedTuple):
+    """A machine of the oracle's with its effects, and the mean pressure at which it is run [Pa, gauge]."""
+
+    machine: Mapping[str, float]
+    effects: Mapping[str, Mapping[str, float]]
+    mean: float
+
+
 class Proved(NamedTuple):
     """What a controller does on the plant: root mean square error [rad] and effort [Pa], largest error."""
 
@@ -57,11 +70,12 @@ class Proved(NamedTuple):
     peak: float
 
 
-def on_plant(blind: Blind, controller: PID, wanted: NDArray[np.float64], payload: float, seed: int) -> Proved:
-    """One run of the oracle under a controller that sees its angle with noise."""
-    machine = {**blind.machine, "inertia": payload * blind.machine["inertia"]}
+def errors_on_plant(
+    blind: Blind, controller: PID, wanted: NDArray[np.float64], plant: Plant, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One run of the oracle under a controller that sees its angle with noise: errors, commands."""
     bare = jm.actuator(blind.recording.card)
-    loop = feedback_on(bare, controller, mean_pressure=MEAN)
+    loop = feedback_on(bare, controller, mean_pressure=plant.mean)
     update = jax.jit(lambda state, row, seen: loop.update(state, row, {"angle": seen}, jnp.asarray(STEP)))
     state, given = loop.start(), []
     noise = NOISE * np.random.default_rng(seed).standard_normal(len(wanted))
@@ -73,11 +87,50 @@ def on_plant(blind: Blind, controller: PID, wanted: NDArray[np.float64], payload
         given.append(np.asarray(command).tolist())
         return given[-1]
 
-    rest = np.full((len(wanted), 2), AMBIENT + MEAN)
-    *_, angle, _ = joint(machine, blind.effects, rest, STEP, rest[0], 0.0, SUBSTEPS["joint"], answer)
-    error = wanted - angle
-    tracking, effort = (float(np.sqrt(np.mean(x**2))) for x in (error, np.array(given) - rest))
-    return Proved(tracking, effort, float(np.abs(error).max()))
+    rest = np.full((len(wanted), 2), AMBIENT + plant.mean)
+    machine, effects, substeps = plant.machine, plant.effects, SUBSTEPS["joint"]
+    *_, angle, _ = joint(machine, effects, rest, STEP, rest[0], 0.0, substeps, answer)
+    return wanted - angle, np.array(given) - rest
+
+
+def on_plant(blind: Blind, controller: PID, wanted: NDArray[np.float64], payload: float, seed: int) -> Proved:
+    """One run of the oracle as it is, but for a payload."""
+    machine = {**blind.machine, "inertia": payload * blind.machine["inertia"]}
+    error, effort = errors_on_plant(blind, controller, wanted, Plant(machine, blind.effects, MEAN), seed)
+    tracking, spent = (float(np.sqrt(np.mean(x**2))) for x in (error, effort))
+    return Proved(tracking, spent, float(np.abs(error).max()))
+
+
+def drawn_plants(blind: Blind, seed: int, count: int) -> Iterator[Plant]:
+    """Plants like that of a recording, from a seed of their own.
+
+    What the card is unsure of is drawn anew by its standard deviations; the payload is up to as heavy
+    again, the mean pressure, as from another supply, and every effect up to a fifth more or less.
+    """
+    random = np.random.default_rng(seed)
+    stds = {name: std for name, std in UNCERTAIN["joint"].items() if name in blind.machine}
+    for _ in range(count):
+        machine = {n: x + stds.get(n, 0.0) * random.standard_normal() for n, x in blind.machine.items()}
+        machine["inertia"] *= random.uniform(1.0, 2.0)
+        grown = {name: random.uniform(0.8, 1.2) for name in blind.effects}
+        effects = {
+            name: {n: x * grown[name] if n in STRENGTHS else x for n, x in values.items()}
+            for name, values in blind.effects.items()
+        }
+        yield Plant(machine, effects, MEAN * random.uniform(0.8, 1.2))
+
+
+def unstable(blind: Blind, controller: PID, seed: int, count: int = DRAWN) -> int:
+    """Plants of so many drawn ones that do not come to rest where the reference stays.
+
+    The last second of a rise that takes half a second: an angle that is no number or off by more than
+    :data:`SWING`.
+    """
+    late, found = TIMES > SECONDS - 1.0, 0
+    for number, plant in enumerate(drawn_plants(blind, seed, count)):
+        error, _ = errors_on_plant(blind, controller, UNSEEN[1], plant, number)
+        found += not bool(np.abs(error[late]).max() <= SWING)  # what is no number is not below it
+    return found
 
 
 class Relay(eqx.Module):
@@ -157,3 +210,4 @@ def plant_rows() -> Iterator[Row]:
                 f"{each.effort / 1e3:.1f} kPa; gains {gains[0]:.3g}, {gains[1]:.3g}, {gains[2]:.3g}"
             )
         yield from closed_on_plant(effect, {name: each._asdict() for name, each in found.items()})
+        yield from stable_on_plants(effect, unstable(blind, controllers["diagnosed"], seed), DRAWN)

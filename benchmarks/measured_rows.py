@@ -78,6 +78,14 @@ def closed_on_plant(effect: str, found: Mapping[str, Mapping[str, float]]) -> li
     return [aside({**against, "effort_over": effort}, OWN), aside({**worth, "effort_over": less}, OWN)]
 
 
+def stable_on_plants(effect: str, unstable: int, count: int) -> list[Row]:
+    """Drawn plants with an effect that the card does not name: how many do tuned gains leave swinging?"""
+    entry = row("every plant", f"joint, hidden {effect}: drawn plants that tuned gains leave swinging", "0",
+                float(unstable), unstable == 0, "", "none",
+                f"of {count}, of other constants, payloads, mean pressures, sizes of effects")  # fmt: skip
+    return [aside({**entry, "plants": count}, OWN)]
+
+
 def faster(
     gains: int, name: str, own: tuple[float, float], other: tuple[float, float], lead: float
 ) -> list[Row]:

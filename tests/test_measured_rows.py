@@ -91,6 +91,12 @@ def test_gains_on_a_plant_are_counted_as_our_own_and_judged_with_their_effort(be
     assert rows.closed_on_plant("gravity", {"rule": rule, "left out": own, "diagnosed": cheaper})[0]["ok"]
 
 
+@pytest.mark.parametrize(("unstable", "ok"), [(0, True), (1, False)])
+def test_gains_must_leave_no_drawn_plant_swinging(benchmark, unstable, ok):
+    (entry,) = benchmark("measured_rows").stable_on_plants("gravity", unstable, 100)
+    assert entry["ok"] == ok and entry["plants"] == 100 and "of 100" in entry["reason"]
+
+
 @pytest.mark.parametrize(
     ("gains", "evaluations", "ok"), [(3, 90, False), (3, 100, True), (6, 490, False), (6, 500, True)]
 )
