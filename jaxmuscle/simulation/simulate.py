@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -165,7 +165,7 @@ class Simulation(eqx.Module):
 
 def simulate(
     actuator: AbstractActuator,
-    given: Recording | ArrayLike,
+    given: Recording | ArrayLike | Callable[[Array], Array],
     times: ArrayLike | None = None,
     *,
     start: Mapping[str, ArrayLike] | SimulationState | None = None,
@@ -185,7 +185,8 @@ def simulate(
 
     Args:
         given: a recording, whose command is replayed from its first measured state (states that the bench
-            imposes follow the recording); or a command, one row a sample, held until the next one.
+            imposes follow the recording); or a command, one row a sample, held until the next one; or the
+            command as a function of time [s] in JAX, such as :class:`jaxmuscle.commands.Step`.
         times: sampling instants of a command [s], uniform.
         start: states at the first sample, SI, absolute pressures; without it the muscle is at ambient
             pressure and everything at rest. By name: measured states and rates, which a recording has
@@ -287,14 +288,20 @@ def _run(
 
 
 def _commanded(
-    actuator: AbstractActuator, given: ArrayLike, times: ArrayLike | None, start: Mapping[str, ArrayLike]
+    actuator: AbstractActuator,
+    given: ArrayLike | Callable[[Array], Array],
+    times: ArrayLike | None,
+    start: Mapping[str, ArrayLike],
 ) -> tuple[Track, NDArray[np.float64], dict[str, Array]]:
     """Track, sampling instants, and the hidden states of `start`."""
     if actuator.imposed:
         raise TypeError(f"rig {actuator.rig!r} has no command: its states are imposed; give a recording")
     if times is None:
         raise ValueError("a command needs the instants of its samples: simulate(actuator, command, times)")
-    clock, command = np.asarray(times, dtype=float), jnp.asarray(given, dtype=float)
+    clock = np.asarray(times, dtype=float)
+    if callable(given):
+        given = jax.vmap(given)(jnp.asarray(clock))
+    command = jnp.asarray(given, dtype=float)
     muscles = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
     if command.shape != (*clock.shape, *muscles):
         raise ValueError(f"expected a command of shape {(*clock.shape, *muscles)}; got {command.shape}")

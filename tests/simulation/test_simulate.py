@@ -116,6 +116,22 @@ def test_refused(machine, why):
         jm.simulate(machine, command, times, start=start)
 
 
+def test_command_as_a_function_of_time(machine):
+    """As a sweep takes it, with slopes by its parameters."""
+    step = jm.commands.Step(level=3.0, begin=0.1)
+    by_table = jm.simulate(machine, np.where(CLOCK >= 0.1, 3.0, 0.0), CLOCK).readings["pressure"]
+    np.testing.assert_array_equal(jm.simulate(machine, step, CLOCK).readings["pressure"], by_table)
+
+    def last(level):
+        return jm.simulate(machine, lambda time: level * (time >= 0.1), CLOCK).readings["pressure"][100]
+
+    slope = jax.jacfwd(last)(3.0)
+    assert float(slope) > 0
+    assert float(slope) == pytest.approx(float(last(3.0 + 1e-4) - last(3.0 - 1e-4)) / 2e-4, rel=1e-5)
+    with pytest.raises(ValueError, match=r"expected a command of shape \(300,\); got \(300, 2\)"):
+        jm.simulate(machine, lambda time: jnp.stack([time, time]), CLOCK)
+
+
 def test_imposed_rig_takes_no_command():
     bench = jm.read(jm.sample("bench"))
     with pytest.raises(TypeError, match="driven.*imposed; give a recording"):
