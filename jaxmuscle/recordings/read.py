@@ -90,7 +90,7 @@ def read(
 
 
 def table_in_file(file: Path, kind: str = "recording") -> tuple[Table, str]:
-    """The table in a file, and the checksum of the file; errors as of :func:`read`.
+    """The table in a file, and the checksum of the file that holds it; errors as of :func:`read`.
 
     `kind`: what it is, in the words of a message.
     """

@@ -271,6 +271,15 @@ def test_an_episode_that_is_not_there(tmp_path: Path, version: str) -> None:
         read(root, CARD)
 
 
+def test_a_folder_that_is_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(dataset(tmp_path / "lift", "v2.1", 1))
+    with pytest.raises(
+        InputError, match="expected one episode of the dataset; it has 0. Write episode_000000"
+    ):
+        read(".")
+    assert_episode(read("episode_000000", CARD), 0)
+
+
 def test_a_data_file_of_several_episodes_or_of_none(tmp_path: Path) -> None:
     root = dataset(tmp_path / "lifts", "v3.0")
     with pytest.raises(

@@ -1,9 +1,8 @@
 """Readers of tables: the ending of a file → the module that reads it, each through one library.
 
 A reader is a module with a function ``read(path, content)`` that gives a
-:class:`jaxmuscle.recordings.table.Table`; paths within a LeRobot dataset, which is a folder, have one of their
-own. Libraries that not everybody needs are imported when a file asks for them, and belong to the extra
-``files``.
+:class:`jaxmuscle.recordings.table.Table`; a LeRobot dataset, which is a folder, has one of its own.
+Libraries that not everybody needs are imported when a file asks for them, and belong to the extra ``files``.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ class Dataset:
         """The number of the episode that a path asks for; `None` of a data file, which may hold one.
 
         Raises:
-            InputError: there is no such episode; the folder of several.
+            InputError: there is no such episode; a folder of several, or not by its name.
         """
         named = EPISODE.fullmatch(path.name)
         if named is not None:
@@ -78,7 +78,8 @@ class Dataset:
             raise InputError(f"{path}: the dataset has no episode {number}; {self.listed}")
         if path.suffix.lower() == ".parquet":
             return None
-        if len(self.episodes) == 1:
+        # A folder that is not named has no name for its card.
+        if len(self.episodes) == 1 and path.name not in ("", ".."):
             return next(iter(self.episodes))
         raise InputError(f"{path}: expected one episode of the dataset; {self.listed}")
 
@@ -88,7 +89,7 @@ def root_of(path: Path) -> Path | None:
     folder = path.absolute().parent
     if EPISODE.fullmatch(path.name):
         root = path.parent
-    elif path.suffix.lower() == ".parquet" and folder.parent.name == "data":
+    elif path.suffix.lower() == ".parquet" and folder.name.startswith("chunk-"):
         root = folder.parent.parent
     else:
         root = path
