@@ -277,6 +277,8 @@ def test_a_folder_that_is_not_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         InputError, match="expected one episode of the dataset; it has 0. Write episode_000000"
     ):
         read(".")
+    drafted = CliRunner().invoke(app, ["init", "."])
+    assert drafted.exit_code == 2 and "expected one episode of the dataset" in drafted.stderr
     assert_episode(read("episode_000000", CARD), 0)
 
 
