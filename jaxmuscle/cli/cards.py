@@ -61,7 +61,7 @@ def init(
         from jaxmuscle.files import atomic_write, check_place
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
-        from jaxmuscle.recordings.readers import table_name
+        from jaxmuscle.recordings.readers import file_of, table_name
         from jaxmuscle.report.columns_figure import draw_columns
 
         load_modules(module)
@@ -70,6 +70,7 @@ def init(
             return
         if recording is None:
             raise InputError("expected the table of a recording: jaxmuscle init bench.csv; or --list")
+        file_of(recording)  # What is no table, such as a folder, may have no name for a card either.
         card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
         if card.exists() and not force:
             raise InputError(f"{card} is there already; name another with --out, or replace it with --force")

@@ -22,7 +22,7 @@ from jaxmuscle.units import CANDIDATES, STANDARD_ATMOSPHERE, Series, is_same_uni
 
 COMMANDED = frozenset(
     "cmd command commands commanded set setpoint setpt sp ref reference target desired des soll sollwert u "
-    "dac ao out output input control ctrl pd pset pcmd pref pdes psoll".split()
+    "dac ao out output input control ctrl action pd pset pcmd pref pdes psoll".split()
 )
 """Words of what a computer commands."""
 WORDS: dict[str, frozenset[str]] = {

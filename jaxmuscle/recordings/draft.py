@@ -205,7 +205,8 @@ def _set_column(table: Table, name: str, need: Need, guess: Guess, body: str) ->
     # The name of a column may hold colons itself.
     column = next((c for c in (body, *_beginnings(body)) if c in table.columns), None)
     if column is None:
-        raise InputError(f"column {body.split(':')[0]!r} is not in the table{nearest(body, table.columns)}")
+        name = body.split(":")[0]
+        raise InputError(f"column {name!r} {table.absence(name)}")
     stamps = name == CLOCK.name and holds_stamps(table.entries(column))
     if not stamps and not np.isfinite(table.numbers_or_nan(column)).any():
         raise InputError(f"column {column!r} holds no numbers")

@@ -20,7 +20,7 @@ from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card_rows import NamedRows, named_rows
 from jaxmuscle.recordings.clocks import resampled
 from jaxmuscle.recordings.plausibility import check_machine
-from jaxmuscle.recordings.readers import SUFFIXES, check_ending, read_table, table_name
+from jaxmuscle.recordings.readers import SUFFIXES, file_of, read_table, table_name
 from jaxmuscle.recordings.readers.frames import table_in_memory
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.row_selection import (
@@ -56,7 +56,8 @@ def read(
     Args:
         path: a table: ``.csv`` and other delimited texts, ``.mat``, ``.npz``, ``.npy``; ``.parquet``,
             ``.xlsx``, ``.h5``, ``.tdms``, ``.mf4``, ``.mcap``, ``.db3`` and ``.bag`` where their libraries
-            are installed (``jaxmuscle[files]``). :mod:`jaxmuscle.recordings.readers` has a module for each
+            are installed (``jaxmuscle[files]``), and with pyarrow ``DATASET/episode_000003`` of a LeRobot
+            dataset. :mod:`jaxmuscle.recordings.readers` has a module for each
             that says how they are laid out. Or a pandas DataFrame or an xarray Dataset in the units that the
             card names.
         card: the card or its file; the ``.toml`` of the same stem when not given.
@@ -89,13 +90,11 @@ def read(
 
 
 def table_in_file(file: Path, kind: str = "recording") -> tuple[Table, str]:
-    """The table in a file, and the checksum of the file; errors as of :func:`read`.
+    """The table in a file, and the checksum of the file that holds it; errors as of :func:`read`.
 
     `kind`: what it is, in the words of a message.
     """
-    check_ending(file)
-    existing_file(file, kind, SUFFIXES)
-    content = file_content(file)
+    content = file_content(existing_file(file_of(file), kind, SUFFIXES))
     return read_table(file, content), hashlib.sha256(content).hexdigest()
 
 

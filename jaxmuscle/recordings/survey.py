@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.errors import InputError
 from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.clocks import holds_stamps, stamps_to_seconds
 from jaxmuscle.recordings.read import checks, rows_asked, rows_taken, table_in_file
-from jaxmuscle.recordings.readers import READERS, SUFFIXES, table_ending, table_name
+from jaxmuscle.recordings.readers import READERS, SUFFIXES, is_of_dataset, table_ending, table_name
 from jaxmuscle.recordings.row_selection import RowRequest
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.table_checks import JITTER
@@ -121,6 +121,8 @@ def table_beside(card_file: Path) -> Path:
         for file in card_file.parent.iterdir()
         if table_ending(file) in READERS and table_name(file) == card_file.stem and file.is_file()
     )
+    if is_of_dataset(without := card_file.with_suffix("")):
+        there.append(without)
     if len(there) == 1:
         return there[0]
     found = "there are several" if there else f"there is none that ends with {', '.join(SUFFIXES)}"
@@ -185,8 +187,7 @@ def _specs(card: Card | None, card_file: Path) -> dict[str, Mapping[str, Any]]:
 
 def _absent(table: Table, specs: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [
-        f"{table.file}: column {spec['column']!r} ({name}): is not in the table"
-        f"{nearest(spec['column'], table.columns)}"
+        f"{table.file}: column {spec['column']!r} ({name}): {table.absence(spec['column'])}"
         for name, spec in specs.items()
         if spec["column"] not in table.columns and spec["column"] != "?"
     ]

@@ -28,6 +28,7 @@ class Table:
         rows: the same of every sample, where lines that are no samples stand between them.
         units: column → unit that the file itself gives it, as it is written there.
         clocks: column → column that holds its times, in a file whose groups or topics have a clock each.
+        set_aside: what the file calls a column and is none here → why, the end of a sentence about it.
     """
 
     file: Path | str
@@ -36,6 +37,7 @@ class Table:
     rows: NDArray[np.intp] | None = None
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     clocks: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    set_aside: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def row(self, index: int | np.integer) -> int:
         """The row in the file of the sample at `index`."""
@@ -44,7 +46,7 @@ class Table:
     def entries(self, column: str) -> NDArray[Any]:
         """A column as the file has it; `InputError` when it is absent or no vector of real entries."""
         if column not in self.columns:
-            raise InputError(f"is not in the table{nearest(column, self.columns)}{self._listed(column)}")
+            raise InputError(self.absence(column))
         entries = np.asarray(self.columns[column])
         if entries.ndim != 1 or entries.dtype.kind == "c":
             got = f"got {entries.dtype} of shape {entries.shape}"
@@ -62,6 +64,12 @@ class Table:
     def numbers_or_nan(self, column: str) -> NDArray[np.float64]:
         """A column as numbers, NaN where it holds something else; `InputError` when it is absent."""
         return np.asarray(pd.to_numeric(pd.Series(self.entries(column)), errors="coerce"), dtype=float)
+
+    def absence(self, column: str) -> str:
+        """Why a column is not there, the end of a sentence about it."""
+        if column in self.set_aside:
+            return self.set_aside[column]
+        return f"is not in the table{nearest(column, self.columns)}{self._listed(column)}"
 
     def _listed(self, column: str) -> str:
         """All columns, unless the message has them already."""

@@ -14,14 +14,12 @@ import numpy as np
 import pandas as pd
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.recordings.readers.groups import CLOCK, grouped
+from jaxmuscle.recordings.readers.groups import CLOCK, LONGEST, grouped
 from jaxmuscle.recordings.readers.library import library, reading
 from jaxmuscle.recordings.table import Table
 
 LOGGED = "logged"
 """Name of the column of times at which messages were written, where they have stamps of their own."""
-LONGEST = 64
-"""Longest array in a message whose entries are columns; longer ones are pictures and the like."""
 STAMP = "header.stamp"
 PARTS = ((f"{STAMP}.sec", f"{STAMP}.nanosec"), (f"{STAMP}.sec", f"{STAMP}.nsec"))
 

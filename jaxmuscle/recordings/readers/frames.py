@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
+from jaxmuscle.recordings.readers.groups import LONGEST
 from jaxmuscle.recordings.table import Table
 
+NUMBERED: Mapping[str, Sequence[str]] = MappingProxyType({})
+NESTED = (list, tuple, np.ndarray, Mapping)
 
-def table_of_frame(path: Path | str, frame: pd.DataFrame) -> Table:
+
+def table_of_frame(
+    path: Path | str, frame: pd.DataFrame, names_of_entries: Mapping[str, Sequence[str]] = NUMBERED
+) -> Table:
     """The columns of a frame, its index among them where it has a name; names are texts.
+
+    Of lists of numbers, as many in each row, the entries are columns: ``column.0``, ``column.1``, or by name.
+
+    Args:
+        path: where it stands.
+        frame: one row for each sample.
+        names_of_entries: column → names of its entries; taken where they are as many.
 
     Raises:
         InputError: two columns of one name, or names of several levels.
@@ -22,11 +39,51 @@ def table_of_frame(path: Path | str, frame: pd.DataFrame) -> Table:
         raise InputError(f"{path}: expected columns and rows with one level of names; got several")
     if frame.index.name is not None and frame.index.name not in frame.columns:
         frame = frame.reset_index()
-    names = [str(name) for name in frame.columns]
+    found: list[tuple[str, Any]] = []
+    set_aside: dict[str, str] = {}
+    for i, name in enumerate(map(str, frame.columns)):
+        column = frame.iloc[:, i].reset_index(drop=True)
+        if not _is_nested(column):
+            found.append((name, column))
+            continue
+        entries = _entries(column)
+        if isinstance(entries, str):
+            set_aside[name] = entries
+            continue
+        given = names_of_entries.get(name, ())
+        own = given if len(given) == entries.shape[1] else range(entries.shape[1])
+        parts = [f"{name}.{each}" for each in own]
+        found += zip(parts, entries.T, strict=True)
+        set_aside[name] = f"holds a list in every row, whose entries are the columns {', '.join(parts)}"
+    names = [name for name, _ in found]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"{path}: several columns named {', '.join(map(repr, twice))}; rename them")
-    columns = {name: frame.iloc[:, i].reset_index(drop=True) for i, name in enumerate(names)}
-    return Table(path, columns, first_row=0 if isinstance(path, str) else 1)
+    return Table(path, dict(found), first_row=0 if isinstance(path, str) else 1, set_aside=set_aside)
+
+
+def _is_nested(column: pd.Series) -> bool:
+    """Whether a column holds lists or records, by its first entry that is not empty."""
+    there = column.dropna() if column.dtype == object else column.iloc[:0]
+    return len(there) > 0 and isinstance(there.iloc[0], NESTED)
+
+
+def _entries(column: pd.Series) -> NDArray[np.float64] | str:
+    """Lists as the rows of a matrix, NaN where there is none; or why they are not columns."""
+    there = column.notna().to_numpy()
+    lists = [each for each, is_there in zip(column, there, strict=True) if is_there]
+    if any(not isinstance(each, NESTED) or isinstance(each, Mapping) for each in lists):
+        return "holds records, which are no columns"
+    lengths = sorted({len(each) for each in lists})
+    if len(lengths) > 1:
+        return f"holds lists of {lengths[0]} to {lengths[-1]} entries; expected as many in every row"
+    if not 0 < lengths[0] <= LONGEST:
+        return f"holds lists of {lengths[0]} entries; expected 1 to {LONGEST}, longer ones are no columns"
+    matrix = np.full((len(column), lengths[0]), np.nan)
+    try:
+        matrix[there] = np.asarray(lists, dtype=float)
+    except (TypeError, ValueError):
+        return "holds lists of something else than numbers"
+    return matrix
 
 
 def table_of_dataset(dataset: xr.Dataset) -> Table:

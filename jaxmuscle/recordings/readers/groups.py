@@ -11,6 +11,8 @@ from jaxmuscle.recordings.table import Table
 
 CLOCK = "time"
 """Name of the column of a group's times, where the file keeps them apart from its channels."""
+LONGEST = 64
+"""Longest array of a row or message whose entries are columns; longer ones are pictures and the like."""
 TIMES = re.compile(r"(t|time|times|timestamps?|clock|seconds)([ _\[(].*)?", re.IGNORECASE)
 """Names of a column that holds the times of those beside it."""
 
