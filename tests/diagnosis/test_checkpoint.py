@@ -3,8 +3,11 @@
 import dataclasses
 import json
 import math
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,6 +131,13 @@ def test_what_ends_after_an_interruption_is_not_written(tmp_path, model):
     assert place.read_bytes() == before
 
 
+def test_a_place_that_is_lost_on_the_way_is_told(tmp_path, model):
+    checkpoint = opened(tmp_path / "a.json")
+    tmp_path.rmdir()
+    with pytest.raises(InputError, match=r"a\.json.*make its folder, or name another"):
+        recalled(checkpoint, model, 1)
+
+
 def silent():
     return Meter(lambda _: None)
 
@@ -241,14 +251,14 @@ def test_what_tells_a_diagnosis_from_others():
 
 def test_code_of_ones_own_counts(tmp_path, monkeypatch):
     """An effect that is edited between two runs is another one."""
-    monkeypatch.syspath_prepend(tmp_path)
+    file, module = tmp_path / "own_drag.py", ModuleType("own_drag")
+    module.__file__ = str(file)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    own: Any = type("Drag", (), {"__module__": module.__name__})
     recording, found = jm.read(jm.sample("lift")), []
-    for comment in ("", "# edited\n", ""):
-        (tmp_path / "own_drag.py").write_text(
-            f"from jaxmuscle.effects import LoadDamping\n{comment}class Drag(LoadDamping):\n    pass\n"
-        )
-        module = __import__("own_drag")
-        found.append(origin(recording, [type("Drag", (), {"__module__": module.__name__})], None)["code"])
+    for code in ("class Drag: ...\n", "class Drag: ...  # edited\n", "class Drag: ...\n"):
+        file.write_text(code)
+        found.append(origin(recording, [own], None)["code"])
     assert found[0] == found[2] != found[1]
 
 
