@@ -3,6 +3,9 @@
 A fit is kept under a hash of all numbers that determine it and looked up before it is computed again. Floats
 come back to the last bit: what follows is what an uninterrupted diagnosis computes. What takes little time
 (the evidence, single predictions) and what is compiled is made again, and so is the conclusion.
+
+The file (JSON, some kilobytes) comes into being with the first fit that is finished and is removed when the
+diagnosis has ended well.
 """
 
 from __future__ import annotations

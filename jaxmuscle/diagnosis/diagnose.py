@@ -102,8 +102,7 @@ def diagnose(
             (:mod:`jaxmuscle.diagnosis.constant_ranking`). Then ``constant:mass`` stands among the effects.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
-        resume: a file (.json) that keeps what is finished, so that the same call goes on after an
-            interruption (:mod:`jaxmuscle.diagnosis.checkpoint`); removed at the end.
+        resume: a file by which an interrupted call goes on (:mod:`jaxmuscle.diagnosis.checkpoint`).
 
     Returns:
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing), "undecided"
