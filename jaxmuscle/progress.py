@@ -69,6 +69,12 @@ class Meter:
             report = Progress(doing, self.fraction, rest / speed)
             self.tell(report)
 
+    def had(self, work: float, doing: str) -> None:
+        """Report that `work` was done in an earlier run: the speed that is seen stays as it is."""
+        with self._lock:
+            self.begin -= work
+        self.did(work, doing)
+
     def skip_to(self, rest: float, doing: str) -> None:
         """Report that no more than the work `rest` is left: parts that had been expected were not needed."""
         self.did(max(self.total - self.done - rest, 0.0), doing)

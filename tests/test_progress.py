@@ -66,6 +66,18 @@ def test_work_that_was_not_needed_is_skipped():
     assert told[-1].fraction == 0.8
 
 
+def test_work_of_an_earlier_run_says_nothing_of_the_speed(monkeypatch):
+    monkeypatch.setattr(time, "monotonic", lambda: 100.0)
+    told = []
+    meter = Meter(told.append)
+    meter.expect(60)
+    meter.had(30, "searching")
+    assert (told[0].fraction, told[0].seconds_left) == (0.5, 30.0)
+    meter.stop()
+    with pytest.raises(Stopped):
+        meter.had(1, "more")
+
+
 def test_a_report_is_a_line():
     assert str(Progress("trying creep", 0.336, 41.2)) == "trying creep (34%, about 41 s left)"
     assert in_words(99) == "99 s" and in_words(150) == "2 min"
@@ -172,6 +184,45 @@ def test_ctrl_c_ends_a_diagnosis_at_once(tmp_path, wait_for):
     program.stderr.close()
     assert program.stdout is not None
     program.stdout.close()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
+@pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
+def test_the_same_command_goes_on_where_it_was(tmp_path):
+    """After Ctrl-C and after a kill; nothing but the finished fits is left meanwhile."""
+
+    def run(sent=None):
+        with subprocess.Popen(
+            [sys.executable, "-m", "jaxmuscle.cli", "diagnose", "--resume", "--no-report"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        ) as program:  # fmt: skip
+            assert program.stderr is not None
+            lines = []
+            for line in program.stderr:
+                lines.append(line.rstrip())
+                if sent is not None and "judging" in line:
+                    program.send_signal(sent)
+                    sent = None
+            return program.wait(60), lines, [path.name for path in tmp_path.iterdir()]
+
+    def going_on(lines):
+        return [int(line.split()[3]) for line in lines if line.startswith("going on with")]
+
+    status, lines, files = run(signal.SIGINT)
+    assert status == INTERRUPTED
+    assert lines[-1] == "jaxmuscle: interrupted; the same command goes on where it was"
+    assert files == ["jaxmuscle-lift.checkpoint.json"] and not going_on(lines)
+    status, again, files = run(signal.SIGKILL)
+    assert status == -signal.SIGKILL
+    assert "jaxmuscle-lift.checkpoint.json" in files and len(files) <= 2, "and what was being written"
+    tried = {line.split()[1] for line in lines if line.startswith("trying")}
+    assert going_on(again)[0] >= len(tried) > 5, "all that were searched before they were judged"
+    status, last, files = run()
+    assert status == 0, last
+    assert going_on(last)[0] >= going_on(again)[0]
+    assert files == ["jaxmuscle-lift"]
 
 
 COMMANDS = {

@@ -29,6 +29,20 @@ FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 INTERRUPTION = "jaxmuscle: interrupted"
 _shown: list[Callable[[], None]] = []
 """What takes a bar from the terminal that is shown there."""
+_advice: list[str] = []
+"""What is said behind :data:`INTERRUPTION`."""
+
+
+@contextmanager
+def resumable() -> Iterator[None]:
+    """Have a Ctrl-C within the block say that the same command goes on."""
+    _advice.append("; the same command goes on where it was")
+    yield
+    _advice.clear()  # After an exception :func:`faults` has still to say it.
+
+
+def _interruption() -> str:
+    return "".join((INTERRUPTION, *_advice))
 
 
 def end_by_interrupt(told: bool) -> NoReturn:
@@ -42,7 +56,7 @@ def end_by_interrupt(told: bool) -> NoReturn:
     with contextlib.suppress(OSError):
         sys.stdout.flush()
         if not told:
-            print(INTERRUPTION, file=sys.stderr, flush=True)
+            print(_interruption(), file=sys.stderr, flush=True)
     os._exit(INTERRUPTED)
 
 
@@ -65,6 +79,7 @@ def printable() -> Iterator[None]:
 @contextmanager
 def faults(debug: bool) -> Iterator[None]:
     """Turn exceptions into a message and an exit status."""
+    _advice.clear()
     try:
         yield
     except InputError as error:
@@ -73,7 +88,7 @@ def faults(debug: bool) -> Iterator[None]:
         typer.echo(f"jaxmuscle: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from error
     except (KeyboardInterrupt, typer.Abort) as error:
-        typer.echo(INTERRUPTION, err=True)
+        typer.echo(_interruption(), err=True)
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:
         # Files are told by InputError: what is left is a standard output that takes no more.

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from jaxmuscle._config import configure
+from jaxmuscle.cli.checkpoint_file import Resume, checkpoint_beside
 from jaxmuscle.cli.console import faults, list_files, output, progress
 from jaxmuscle.cli.own_modules import load_modules
 from jaxmuscle.cli.shared_options import (
@@ -59,6 +60,7 @@ def diagnose(
     resample: Resample = False,
     stretch: Stretch = None,
     every: Every = None,
+    resume: Resume = False,
     module: Modules = None,
     debug: Debug = False,
 ) -> None:
@@ -87,9 +89,11 @@ def diagnose(
         given = of_one_bench(read_all(files, card, resample=resample, stretch=stretch, every=every))
         kept = held_out_part(given, held_out, "--held-out") if held_out else None
         ignored = rows_within(given, ignore, "--ignore") if ignore else None
-        found = run(given, held_out=kept, ignored=ignored, further=own, progress=tell)
-        tell("writing the results")
-        written = write(found, folder, report=report)
+        asked = {"held_out": kept, "ignored": ignored, "further": own, "progress": tell}
+        with checkpoint_beside(folder, resume) as checkpoint:
+            found = run(given, **asked, resume=checkpoint)
+            tell("writing the results")
+            written = write(found, folder, report=report)
     _print_outcome(found, written)
 
 

@@ -21,7 +21,8 @@ from jaxmuscle.diagnosis.candidates import (
     strengths,
 )
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.workbench import SLOW, SettledFit, Workbench
+from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.workbench import SLOW, Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
@@ -61,6 +62,25 @@ def search(
     weights of the `present` model. Where both remove too little (:data:`HOPE`) the search ends without
     hope; else it goes on with weights from what is left.
     """
+    return bench.kept(
+        "search",
+        model,
+        [*accepted, effect.name],
+        (len(accepted), problem, present),
+        lambda: _search(bench, model, accepted, effect, problem, present, meter),
+        lambda: meter.had(search_work(effect), f"trying {effect.name}"),
+    )
+
+
+def _search(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: Sought,
+    problem: Problem,
+    present: SettledFit,
+    meter: Meter,
+) -> SettledFit:
     names = [*accepted, effect.name]
     work, parts, fits = search_work(effect), iter(SEARCH_STEPS), []
     weighed = problem.reweighted(present.factors)
@@ -73,8 +93,8 @@ def search(
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
     excess = 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
-    if minimum.cost > present.lane.cost - HOPE * max(0.5 * excess, 0.0):
-        return SettledFit(best, minimum, present.left, 0.0, hopeful=False)
+    if minimum.cost > present.cost - HOPE * max(0.5 * excess, 0.0):
+        return SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
     return bench.settled(best, names, problem, LONG_STEPS, SLOW)
 
 

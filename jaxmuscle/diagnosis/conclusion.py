@@ -24,6 +24,7 @@ from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.result import Diagnosis
+from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.verdict import (
     IMITATED,
     MISSING,
@@ -35,7 +36,7 @@ from jaxmuscle.diagnosis.verdict import (
     verdict,
     violated_priors,
 )
-from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
+from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.prepare import DISCREPANCY
@@ -168,7 +169,7 @@ def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Col
     names = [candidate.name for candidate in kept]
     model = bench.dressed(replace(outcome.model, gone), names)
     fitted = bench.best_fit((model, bench.with_card_values(model)), names, training, FIT_STEPS)
-    converged = outcome.converged and fitted.lane.code in SETTLED
+    converged = outcome.converged and fitted.converged
     return dataclasses.replace(outcome, model=fitted.model, found=kept, folds=(), converged=converged)
 
 

@@ -8,6 +8,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,10 @@ from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.card_constants import card_constants
+from jaxmuscle.diagnosis.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
+from jaxmuscle.diagnosis.fingerprint import origin
 from jaxmuscle.diagnosis.folds import FOLDS
 from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import (
@@ -59,6 +62,7 @@ def diagnose(
     further: Sequence[type[AbstractEffect]] = (),
     constants: bool = True,
     progress: Callable[[Progress], None] = _silent,
+    resume: str | Path | Checkpoint | None = None,
 ) -> Diagnosis:
     """Fit the model that a recording's card declares and find what it lacks.
 
@@ -98,6 +102,7 @@ def diagnose(
             (:mod:`jaxmuscle.diagnosis.constant_ranking`). Then ``constant:mass`` stands among the effects.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
+        resume: a file by which an interrupted call goes on (:mod:`jaxmuscle.diagnosis.checkpoint`).
 
     Returns:
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing), "undecided"
@@ -106,14 +111,18 @@ def diagnose(
 
     Raises:
         InputError: a fraction that is none, a mask of another length, masks that leave too little; several
-            recordings that are not of one bench.
+            recordings that are not of one bench; a file for `resume` that is another one.
     """
     whole = recording if isinstance(recording, Recording) else of_one_bench(recording)
     meter = Meter(progress)
-    seek = partial(_diagnosed, whole, _held_out(whole, held_out), ignored, meter=meter)
-    if catalogue is not None:
-        return interruptible(lambda: seek((*catalogue, *further), constants=constants), meter.stop)
-    return interruptible(lambda: _in_passes(seek, further, constants), meter.stop)
+    kept_out = _held_out(whole, held_out)
+    chosen = (*(CATALOGUE if catalogue is None else catalogue), *further)
+    of = partial(origin, whole, chosen, (kept_out, ignored, catalogue is None, constants))
+    with checkpoint_at(resume, of, meter) as checkpoint:
+        seek = partial(_diagnosed, whole, kept_out, ignored, meter=meter, checkpoint=checkpoint)
+        if catalogue is not None:
+            return interruptible(lambda: seek(chosen, constants=constants), meter.stop)
+        return interruptible(lambda: _in_passes(seek, further, constants), meter.stop)
 
 
 def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) -> float | NDArray[np.bool_]:
@@ -185,6 +194,7 @@ def _diagnosed(
     *,
     constants: bool = False,
     meter: Meter,
+    checkpoint: Checkpoint,
 ) -> Diagnosis:
     """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
     require_double_precision("a diagnosis")
@@ -194,7 +204,7 @@ def _diagnosed(
     check_parts(prepared)
     candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
     fallible = card_constants(prepared) if constants else []
-    bench = workbench(prepared, candidates, [first] if first in candidates else [], fallible)
+    bench = workbench(prepared, candidates, [first] if first in candidates else [], fallible, checkpoint)
     meter.expect(DECLARED + round_work([*candidates, *fallible], FOLDS) + CONCLUSION)
     selection = forward_selection(prepared, bench, meter, first)
     declared = selection.model

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SAFE, Blocks, Losses, block_losses
-from jaxmuscle.diagnosis.workbench import SLOW, SettledFit, Workbench
+from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.workbench import SLOW, Workbench
 from jaxmuscle.estimation.windows import Problem
 
 FOLDS = 4
@@ -55,7 +56,12 @@ class Folds:
         """
         judged = np.flatnonzero(self.fold_of == fold)
         fitting = self.problem.only(~np.isin(self.block, self._beside(judged)))
-        model, _ = bench.fit(fitted.model, effects, fitting, STEPS, SLOW, fitted.factors)
+
+        def fit() -> SettledFit:
+            model, lane = bench.fit(fitted.model, effects, fitting, STEPS, SLOW, fitted.factors)
+            return SettledFit(model, lane.cost, lane.code, fitted.left, fitted.far)
+
+        model = bench.kept("fold", fitted.model, effects, (fitting, fitted.factors), fit).model
         residuals = bench.residuals(model, self.problem)
         return block_losses(residuals, self.problem.weights, self.block, judged), model
 

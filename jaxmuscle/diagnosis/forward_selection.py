@@ -16,7 +16,7 @@ from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
 from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
 from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
-from jaxmuscle.diagnosis.workbench import SETTLED, Workbench
+from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.weights import expected_spread
@@ -150,7 +150,7 @@ class ForwardSelection:
     def _refit(self, begins: Sequence[AbstractActuator]) -> None:
         """Fit everything, from several models."""
         fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
-        self.model, self.converged = fitted.model, fitted.lane.code in SETTLED
+        self.model, self.converged = fitted.model, fitted.converged
 
 
 def compiling(bench: Workbench, parts: Problem) -> Callable[[], object]:
@@ -171,7 +171,7 @@ def forward_selection(
     declared = bench.settled(declared, [], parts, FIT_STEPS).model
     training = _with_spread(case, case.training, declared)
     fitted = bench.settled(declared, [], training, FIT_STEPS)
-    converged = fitted.lane.code in SETTLED
+    converged = fitted.converged
     return ForwardSelection(bench, parts, training, meter, ready, fitted.model, converged)
 
 

@@ -25,7 +25,8 @@ from jaxmuscle.diagnosis.ranking import (
     judged_all,
     round_work,
 )
-from jaxmuscle.diagnosis.workbench import SettledFit, Workbench, best_of
+from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
+from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores

@@ -27,7 +27,8 @@ from jaxmuscle.diagnosis.evidence import (
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
-from jaxmuscle.diagnosis.workbench import SettledFit, Workbench, best_of
+from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
+from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace

@@ -5,7 +5,7 @@ share few compilations, and how they are fitted.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,8 @@ from jaxtyping import Float
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
 from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.checkpoint import NOTHING_KEPT, Checkpoint
+from jaxmuscle.diagnosis.settled_fit import Factors, SettledFit, best_of, noise_squares, weight_factors
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
@@ -24,7 +26,7 @@ from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import Case, Problem
-from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Tolerances, descend
+from jaxmuscle.optimization.levenberg_marquardt import Lane, Limits, Tolerances, descend
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import Parameter, get, parameters, replace
 
@@ -52,68 +54,6 @@ falls of 7 of these 50.
 """
 REWEIGHTINGS, ALIKE = 8, 0.1
 """Fits by turns with weights from their own residuals, and change of a weight's logarithm that ends them."""
-SETTLED = (CONVERGED, STALLED)
-"""How a fit ends that more steps would not carry on."""
-
-
-Factors = Mapping[str, Float[np.ndarray, " columns"]]
-"""Output → what the weights of its columns are multiplied by, as what a model leaves is uncertainty."""
-
-
-def _factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
-    return {output: np.array([each.factor for each in columns]) for output, columns in left.items()}
-
-
-def noise_squares(factors: Factors, problem: Problem) -> float:
-    """Sum of squares that the sensors' noise leaves where weights are multiplied by `factors`."""
-    counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
-    return sum(float((each**2).mean()) * counts[out] for out, each in factors.items())
-
-
-@dataclasses.dataclass(frozen=True)
-class SettledFit:
-    """A fitted model.
-
-    Attributes:
-        lane: how its last descent ended.
-        left: output → what it leaves, column by column.
-        far: half the sum of its squared distances from the priors.
-        hopeful: whether it was fitted to the end.
-    """
-
-    model: AbstractActuator
-    lane: Lane
-    left: Mapping[str, Sequence[Discrepancy]]
-    far: float
-    hopeful: bool = True
-
-    @property
-    def factors(self) -> Factors:
-        """What the weights are multiplied by, as what it leaves is uncertainty."""
-        return _factors(self.left)
-
-    def noise_squares(self, problem: Problem) -> float:
-        """Sum of squares that the sensors' noise leaves by these weights."""
-        return noise_squares(self.factors, problem)
-
-
-def best_of(fits: Sequence[SettledFit]) -> int:
-    """Which of several fits leaves least, by the cost of what is left and of the distances from the priors.
-
-    Readings count for all of them as by the longest correlation time of any: by its own, a large error that
-    lasts would cost less than a small one that does not.
-    """
-    times = {
-        (output, i): max(fit.left[output][i].time for fit in fits)
-        for output, columns in fits[0].left.items()
-        for i in range(len(columns))
-    }
-
-    def cost(fit: SettledFit) -> float:
-        each = (dataclasses.replace(fit.left[o][i], time=time).cost for (o, i), time in times.items())
-        return sum(each) + fit.far
-
-    return min(range(len(fits)), key=lambda i: cost(fits[i]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,6 +74,7 @@ class Workbench:
         width: number of tangents of a fit.
         constants: constants of the card that may be wrong; they are candidates too, in every model.
         carried: names of candidates with a state that every model carries.
+        checkpoint: keeps what is finished for a diagnosis that goes on after an interruption.
     """
 
     case: Case
@@ -144,6 +85,7 @@ class Workbench:
     width: int
     carried: tuple[str, ...] = ()
     constants: tuple[CardConstant, ...] = ()
+    checkpoint: Checkpoint = NOTHING_KEPT
 
     @property
     def changing(self) -> list[type[AbstractEffect]]:
@@ -263,18 +205,48 @@ class Workbench:
         A model that lacks something would else be bent away from its priors, which thousands of readings
         outweigh. Weights and fit are found by turns, from the weights of `model`.
         """
-        factors = _factors(self.discrepancies(model, problem))
+        return self.kept(
+            "settled",
+            model,
+            effects,
+            (problem, steps, slow),
+            lambda: self._settled(model, effects, problem, steps, slow),
+        )
+
+    def kept(
+        self,
+        kind: str,
+        model: AbstractActuator,
+        effects: Sequence[str],
+        inputs: object,
+        compute: Callable[[], SettledFit],
+        passed_over: Callable[[], None] = lambda: None,
+    ) -> SettledFit:
+        """A fit of `model` with `effects` out of the checkpoint, or computed and kept there.
+
+        Args:
+            kind: what is done; `inputs`: all that determines its outcome beside model, effects and bench.
+            passed_over: called in place of `compute` where the checkpoint has it.
+        """
+        own = [each.name for each in (*self.candidates, *self.constants)], self.carried, self.width
+        of = (own, self.declared, model, list(effects), inputs)
+        return self.checkpoint.recall(kind, of, lambda: self.dressed(model, effects), compute, passed_over)
+
+    def _settled(
+        self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int, slow: float
+    ) -> SettledFit:
+        factors = weight_factors(self.discrepancies(model, problem))
         fits = 0
         while True:
             model, lane = self.fit(model, effects, problem, steps, slow, factors)
             fits, left = fits + 1, self.discrepancies(model, problem)
-            before, factors = factors, _factors(left)
+            before, factors = factors, weight_factors(left)
             alike = (np.abs(np.log(before[out]) - np.log(factors[out])) <= ALIKE for out in factors)
             if fits == REWEIGHTINGS or all(each.all() for each in alike):
                 break
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
-        return SettledFit(model, lane, left, 0.5 * float((far**2).sum()))
+        return SettledFit(model, lane.cost, lane.code, left, 0.5 * float((far**2).sum()))
 
     def fit(
         self,
@@ -348,6 +320,7 @@ def workbench(
     candidates: Sequence[type[AbstractEffect]],
     carried: Sequence[type[AbstractEffect]] = (),
     constants: Sequence[CardConstant] = (),
+    checkpoint: Checkpoint = NOTHING_KEPT,
 ) -> Workbench:
     """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
     priors, width = case.priors, len(case.priors) + SPARE
@@ -355,7 +328,15 @@ def workbench(
     names = tuple(effect.name for effect in carried)
     model = loaded(case.actuator, held)
     return Workbench(
-        case, model, tuple(candidates), tuple(priors), dict(priors), width, names, tuple(constants)
+        case,
+        model,
+        tuple(candidates),
+        tuple(priors),
+        dict(priors),
+        width,
+        names,
+        tuple(constants),
+        checkpoint,
     )
 
 

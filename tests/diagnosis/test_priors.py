@@ -11,10 +11,12 @@ import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.forward_selection import forward_selection
-from jaxmuscle.diagnosis.workbench import SettledFit, best_of, workbench
+from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
+from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import LoadDamping, LoadFriction
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import case
+from jaxmuscle.optimization.levenberg_marquardt import CONVERGED
 from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
 
@@ -111,7 +113,7 @@ def test_a_large_error_that_lasts_does_not_beat_a_small_one_that_does_not():
 
     def fitted(square, time):
         anything: Any = None
-        return SettledFit(anything, anything, {"force": [Discrepancy(2000, square, time)]}, 0.0)
+        return SettledFit(anything, 0.0, CONVERGED, {"force": [Discrepancy(2000, square, time)]}, 0.0)
 
     large, small = fitted(400.0, 500.0), fitted(4.0, 1.0)
     (by_itself,), (beside,) = large.left["force"], small.left["force"]
@@ -122,4 +124,4 @@ def test_a_large_error_that_lasts_does_not_beat_a_small_one_that_does_not():
 def test_what_is_left_alike_is_decided_by_the_distance_from_the_card():
     anything: Any = None
     left = {"force": [Discrepancy(2000, 400.0, 500.0)]}
-    assert best_of([SettledFit(anything, anything, left, far) for far in (9.0, 1.0, 4.0)]) == 1
+    assert best_of([SettledFit(anything, 0.0, CONVERGED, left, far) for far in (9.0, 1.0, 4.0)]) == 1

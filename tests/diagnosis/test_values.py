@@ -12,7 +12,7 @@ from oracles.recorded import clock, driven_card, driven_recording
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.conclusion import _estimates
-from jaxmuscle.diagnosis.workbench import SETTLED
+from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.report.report_files import write
 from jaxmuscle.robot import robot
 

@@ -1,0 +1,105 @@
+"""Fingerprint of a diagnosis: what tells it from any other, and a hash of all that a fit depends on."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import inspect
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import jaxmuscle
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.recordings.card import actuator_from_card
+from jaxmuscle.recordings.recording import Recording
+
+
+def origin(recording: Recording, effects: Sequence[type[AbstractEffect]], settings: object) -> dict[str, str]:
+    """What tells a diagnosis from any other, part by part (:data:`ORIGINS`).
+
+    Code of one's own counts file by file, in a notebook class by class.
+
+    Args:
+        effects: those that are sought.
+        settings: all else that was asked for.
+    """
+    card = dataclasses.replace(recording.card, description="", file=None, text=None)
+    data = (recording.time, recording.step, recording.columns, recording.breaks)
+    rows = (recording.ignored, recording.held_out, [each.first for each in recording.joined_from])
+    device = jax.local_devices()[0].device_kind
+    kinds = [type(actuator_from_card(recording.card)), *effects]
+    return {
+        "version": ", ".join([jaxmuscle.__version__, jax.__version__, np.__version__, device]),
+        "code": digest(_package_code(), [(each.__qualname__, _code_of(each)) for each in kinds]),
+        "recording": digest(data, rows),
+        "card": digest(card.to_toml()),
+        "settings": digest(settings, [each.__qualname__ for each in effects]),
+    }
+
+
+ORIGINS = {
+    "version": "another version of jaxmuscle, JAX or NumPy, or another kind of device",
+    "code": "other code of jaxmuscle, rig or effects",
+    "recording": "another recording, or other rows of it",
+    "card": "another card",
+    "settings": "other settings",
+}
+"""Part of :func:`origin` → what is said where it differs."""
+
+
+def digest(*parts: object) -> str:
+    """A hash of models, records, arrays to the last bit, texts and numbers in any nesting."""
+    found = hashlib.sha256()
+    for piece in _pieces(parts):
+        found.update(piece + b"\0")
+    return found.hexdigest()
+
+
+def _pieces(node: Any) -> Iterator[bytes]:
+    """What tells a value from others, with its place among them."""
+    if hasattr(node, "__array__"):
+        array = np.ascontiguousarray(node)
+        yield f"{array.shape} {array.dtype}".encode()
+        yield array.tobytes()
+        return
+    if dataclasses.is_dataclass(node) and not isinstance(node, type):
+        entries = [(field.name, getattr(node, field.name)) for field in dataclasses.fields(node)]
+    elif isinstance(node, Mapping):
+        entries = list(node.items())
+    elif isinstance(node, list | tuple):
+        entries = list(enumerate(node))
+    else:
+        # Of functions and classes the address in memory is another one in each process.
+        yield str(getattr(node, "__qualname__", repr(node))).encode()
+        return
+    yield f"{type(node).__qualname__} of {len(entries)}".encode()
+    for name, value in entries:
+        yield repr(name).encode()
+        yield from _pieces(value)
+
+
+def _package_code() -> str:
+    """A hash of the source of the package."""
+    found = hashlib.sha256()
+    for file in sorted(Path(jaxmuscle.__file__).parent.rglob("*.py")):
+        found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def _code_of(kind: type) -> str:
+    """A hash of the file that a class is from, or of the class where there is none (a notebook)."""
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    with contextlib.suppress(OSError, TypeError):
+        return text_hash(Path(file).read_text("utf-8") if file else inspect.getsource(kind))
+    return ""
+
+
+def text_hash(text: str) -> str:
+    """A hash of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,83 @@
+"""A fitted model with what it leaves, which counts as uncertainty beside the noise of the sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.weights import Discrepancy
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED
+
+SETTLED = (CONVERGED, STALLED)
+"""How a fit ends that more steps would not carry on."""
+
+Factors = Mapping[str, Float[np.ndarray, " columns"]]
+"""Output → what the weights of its columns are multiplied by, as what a model leaves is uncertainty."""
+
+
+def weight_factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
+    """What the weights are multiplied by where a model leaves so much of each output."""
+    return {output: np.array([each.factor for each in columns]) for output, columns in left.items()}
+
+
+def noise_squares(factors: Factors, problem: Problem) -> float:
+    """Sum of squares that the sensors' noise leaves where weights are multiplied by `factors`."""
+    counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
+    return sum(float((each**2).mean()) * counts[out] for out, each in factors.items())
+
+
+@dataclasses.dataclass(frozen=True)
+class SettledFit:
+    """A fitted model.
+
+    Attributes:
+        cost, code: cost at the end of its last descent, and how that ended.
+        left: output → what it leaves, column by column.
+        far: half the sum of its squared distances from the priors.
+        hopeful: whether it was fitted to the end.
+    """
+
+    model: AbstractActuator
+    cost: float
+    code: str
+    left: Mapping[str, Sequence[Discrepancy]]
+    far: float
+    hopeful: bool = True
+
+    @property
+    def converged(self) -> bool:
+        """Whether more steps would not carry it on."""
+        return self.code in SETTLED
+
+    @property
+    def factors(self) -> Factors:
+        """What the weights are multiplied by, as what it leaves is uncertainty."""
+        return weight_factors(self.left)
+
+    def noise_squares(self, problem: Problem) -> float:
+        """Sum of squares that the sensors' noise leaves by these weights."""
+        return noise_squares(self.factors, problem)
+
+
+def best_of(fits: Sequence[SettledFit]) -> int:
+    """Which of several fits leaves least, by the cost of what is left and of the distances from the priors.
+
+    Readings count for all of them as by the longest correlation time of any: by its own, a large error that
+    lasts would cost less than a small one that does not.
+    """
+    times = {
+        (output, i): max(fit.left[output][i].time for fit in fits)
+        for output, columns in fits[0].left.items()
+        for i in range(len(columns))
+    }
+
+    def cost(fit: SettledFit) -> float:
+        each = (dataclasses.replace(fit.left[o][i], time=time).cost for (o, i), time in times.items())
+        return sum(each) + fit.far
+
+    return min(range(len(fits)), key=lambda i: cost(fits[i]))
