@@ -57,9 +57,18 @@ def styled() -> Iterator[None]:
         yield
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, whether or not pyplot has been loaded there, which teaches it to."""
+
+    def _repr_png_(self) -> bytes:
+        picture = io.BytesIO()
+        self.savefig(picture, format="png", dpi=self.dpi)
+        return picture.getvalue()
+
+
 def figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure [in] whose axes keep out of each other's way."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return NotebookFigure(figsize=(width, height), layout="constrained")
 
 
 def svg_uri(drawing: Figure) -> str:

@@ -176,3 +176,17 @@ def test_classes_load_without_figures() -> None:
     code = "import sys, jaxmuscle.simulation.simulate, jaxmuscle.analysis; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
+
+
+def test_a_figure_is_shown_without_pyplot() -> None:
+    """Which teaches a notebook to show figures: a first cell that loads the package alone showed a text."""
+    code = """
+import sys
+from IPython.core.formatters import DisplayFormatter
+import jaxmuscle as jm
+run = jm.simulate(jm.actuator(jm.read(jm.sample("lift")).card), jm.commands.Step(), [0.0, 0.002, 0.004])
+data, _ = DisplayFormatter().format(run.plot())
+print(data["image/png"][:4] == bytes([137, 80, 78, 71]), "matplotlib.pyplot" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False"]

@@ -14,6 +14,7 @@ from jaxmuscle.estimation.fit_data import FitData
 from jaxmuscle.estimation.fit_files import number_of
 from jaxmuscle.estimation.intervals import QUANTILE, Profile
 from jaxmuscle.estimation.residual_analysis import ResidualTest
+from jaxmuscle.figure_style import figure as empty_figure
 from jaxmuscle.formatting import printed_unit
 
 Values = NDArray[np.float64]
@@ -37,7 +38,7 @@ def plot(result: FitData, recording: str | int = 0) -> Figure:
     columns = [name for name in table.columns if not name.endswith((" fitted", " std", " predicted"))]
     rows, curves = len(columns), list(result.profiles)
     below = math.ceil(len(curves) / ACROSS)
-    figure = Figure(figsize=(10.0, 3.4 * rows + 2.4 * below), layout="constrained")
+    figure = empty_figure(3.4 * rows + 2.4 * below, 10.0)
     parts: Any = figure.subfigures(2, 1, height_ratios=[3.4 * rows, 2.4 * below]) if below else [figure]
     upper = parts[0]
     axes = upper.subplots(

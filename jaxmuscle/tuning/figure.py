@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxmuscle.figure_style import figure as empty_figure
 from jaxmuscle.formatting import printed_unit
 from jaxmuscle.tuning.scenario_costs import Judged
 
@@ -26,13 +27,13 @@ def plot(
     that alone.
     """
     if not traces:
-        figure = Figure(figsize=(5.5 * len(sides), 2.5), layout="constrained")
+        figure = empty_figure(2.5, 5.5 * len(sides))
         alone: Any = figure.subplots(1, len(sides), squeeze=False)
         for axes, (name, both) in zip(alone[0], sides.items(), strict=True):
             axes.set_title(name, fontsize=9, loc="left")
             _terms(axes, units, *both)
         return figure
-    figure = Figure(figsize=(5.5 * len(traces), 8.0), layout="constrained")
+    figure = empty_figure(8.0, 5.5 * len(traces))
     axes: Any = figure.subplots(3, len(traces), squeeze=False, gridspec_kw={"height_ratios": [3, 2, 2]})
     for column, ((name, table), both) in enumerate(zip(traces.items(), sides.values(), strict=True)):
         _lines(axes[0, column], table, units.get("tracking", ""), command=False)
