@@ -225,6 +225,37 @@ def test_the_same_command_goes_on_where_it_was(tmp_path):
     assert files == ["jaxmuscle-lift"]
 
 
+TALKING = """
+import itertools, os, signal
+from jaxmuscle.cli import console
+from jaxmuscle.progress import interruptible
+
+def work():
+    with console.progress() as tell:
+        for line in itertools.count():
+            tell(f"line {line}")
+            if line == 1000:
+                os.kill(os.getpid(), signal.SIGINT)
+
+try:
+    interruptible(work, stop=lambda: None)
+except KeyboardInterrupt:
+    console.end_by_interrupt(told=False)
+"""
+
+
+@pytest.mark.usefixtures("interrupts")
+@pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
+def test_nothing_is_told_after_the_interruption(tmp_path):
+    """The work goes on to the end of the process; a line of it stood within the last one."""
+    program = subprocess.run([sys.executable, "-c", TALKING], capture_output=True, text=True, cwd=tmp_path,
+                             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})  # fmt: skip
+    assert program.returncode == INTERRUPTED
+    *lines, last = program.stderr.splitlines()
+    assert last == "jaxmuscle: interrupted"
+    assert len(lines) > 1000 and all(line.startswith("line ") for line in lines)
+
+
 COMMANDS = {
     "diagnose": (("diagnose", "long.csv", "--card", "lift.toml", "--stretch", "all"), "reading"),
     "fit": (("fit", "long.csv", "--card", "lift.toml", "--stretch", "all"), "loading"),

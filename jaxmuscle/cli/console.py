@@ -31,6 +31,10 @@ _shown: list[Callable[[], None]] = []
 """What takes a bar from the terminal that is shown there."""
 _advice: list[str] = []
 """What is said behind :data:`INTERRUPTION`."""
+_speaking = threading.Lock()
+"""Held while a line of progress is printed, and from the last message of the program on."""
+LAST_LINE = 1.0
+"""Seconds to wait at the end for a line that is being printed: nobody may be reading it."""
 
 
 @contextmanager
@@ -53,10 +57,13 @@ def end_by_interrupt(told: bool) -> NoReturn:
     abandon()
     for hide in _shown:
         hide()
+    # The work is still going on in its thread: its next line must not come into this one or after it.
+    _speaking.acquire(timeout=LAST_LINE)
     with contextlib.suppress(OSError):
         sys.stdout.flush()
         if not told:
-            print(_interruption(), file=sys.stderr, flush=True)
+            sys.stderr.write(f"{_interruption()}\n")
+            sys.stderr.flush()
     os._exit(INTERRUPTED)
 
 
@@ -168,14 +175,16 @@ def _lines(console: Console) -> Iterator[Tell]:
             return
         seen.add(doing)
         last, told, tenths = str(now), time.monotonic(), int(10 * fraction + 1e-9)
-        console.print(last)
+        with _speaking:
+            console.print(last)
 
     def beat() -> None:
         nonlocal told
         while not ended.wait(0.5):
             if time.monotonic() - told > HEARTBEAT:
                 told = time.monotonic()
-                console.print(f"… {in_words(told - begin)} so far; {last}")
+                with _speaking:
+                    console.print(f"… {in_words(told - begin)} so far; {last}")
 
     threading.Thread(target=beat, daemon=True, name="heartbeat").start()
     try:
