@@ -25,6 +25,7 @@ from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, written_row_span
 from jaxmuscle.recordings.card_sections import read_sections
+from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.schema import (
     AMBIENT,
     ColumnSpec,
@@ -35,9 +36,9 @@ from jaxmuscle.recordings.schema import (
 )
 from jaxmuscle.units import STANDARD_ATMOSPHERE
 
-Entry: TypeAlias = Mapping[str, Any]
+Entry: TypeAlias = Mapping[str, Any] | str
 Sections: TypeAlias = Mapping[str, Mapping[str, Entry]]
-"""Section name (dots make subsections) → key → entry with texts and numbers; keys are bare."""
+"""Section name (dots make subsections) → key → text, or entry with texts and numbers; keys are bare."""
 
 
 def toml_text(heads: Mapping[str, str], sections: Sections) -> str:
@@ -92,6 +93,9 @@ def _left(document: Any, key: str, before: Sections, now: Sections) -> Any:
 
 
 def _write(section: Any, key: str, entry: Entry, left: Any) -> None:
+    if isinstance(entry, str):
+        section[key] = entry
+        return
     if key not in section:
         section[key] = tomlkit.value(entry_text(entry)) if left is None else left
     item = section[key]
@@ -117,7 +121,9 @@ def _section(document: Any, name: str) -> Any:
 
 
 def entry_text(entry: Entry) -> str:
-    """One entry as TOML: an inline table of texts and numbers."""
+    """One entry as TOML: a text, or an inline table of texts and numbers."""
+    if isinstance(entry, str):
+        return _written(entry)
     return "{ " + ", ".join(f"{key} = {_written(value)}" for key, value in entry.items()) + " }"
 
 
@@ -140,7 +146,7 @@ class Card:
         rig: name of the machine, a key of `jaxmuscle.actuators.RIGS`.
         columns: quantity → where it stands in the table.
         known, uncertain: quantity → value; those with a standard deviation are the uncertain ones,
-            whichever section they were written in.
+            whichever section they were written in, and those that the data sheets of the parts give.
         description: free text.
         effects: name of an effect that the experimenter declares → parameter → value.
         noise: measured quantity → standard deviation of its sensor [SI].
@@ -149,6 +155,7 @@ class Card:
             sensor).
         held_out: name → rows that no fit of a diagnosis sees.
         breaks: name → where a new run begins, with everything that is not measured at rest.
+        parts: muscle or valve → its type, whose data sheet gives the quantities that the card does not give.
         file: where the card came from, when it did; not part of what makes two cards equal.
         text: the TOML that it was read from, of which :meth:`to_toml` keeps the comments and the layout;
             not part of what makes two cards equal.
@@ -165,6 +172,7 @@ class Card:
     ignore: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
     held_out: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
     breaks: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
+    parts: dict[str, str] = dataclasses.field(default_factory=dict)
     file: Path | None = dataclasses.field(default=None, compare=False)
     text: str | None = dataclasses.field(default=None, compare=False, repr=False)
 
@@ -202,6 +210,13 @@ class Card:
         """The quantities and the parameters of declared effects, by the names that results call them."""
         effects = ((effect_path(e, name), q) for e, own in self.effects.items() for name, q in own.items())
         return {**self.quantities, **dict(effects)}
+
+    @property
+    def sheet_quantities(self) -> frozenset[str]:
+        """The quantities that are what the data sheets of the card's parts give."""
+        rig, given = rig_named(self.rig), self.quantities
+        sheets = [sheet_quantities(rig, part, kind) for part, kind in self.parts.items()]
+        return frozenset(name for sheet in sheets for name, q in sheet.items() if given.get(name) == q)
 
     @property
     def row_spans(self) -> dict[str, dict[str, RowSpan]]:
@@ -266,12 +281,12 @@ class Card:
         told = {"rig": (before.rig, self.rig), "description": (before.description, self.description)}
         return edited_text(self.text, told, before._sections(standing), self._sections(standing))
 
-    def _sections(self, standing: Mapping[str, str]) -> dict[str, dict[str, dict[str, Any]]]:
+    def _sections(self, standing: Mapping[str, str]) -> dict[str, dict[str, Any]]:
         """The entries of every section.
 
         Args:
             standing: name of a quantity → section in which it stands. One with a standard deviation may
-                stand among the known ones.
+                stand among the known ones. What stands nowhere and is as its data sheet has it is left to it.
         """
         rig, ambient = rig_named(self.rig), self.ambient_pressure
         needs, columns = schema.quantities(rig), schema.columns(rig)
@@ -279,10 +294,12 @@ class Card:
         def written(quantities: Mapping[str, Quantity], needs: Mapping[str, Need]) -> dict[str, Any]:
             return {name: written_quantity(q, needs[name], ambient) for name, q in quantities.items()}
 
-        uncertain = {n: q for n, q in self.uncertain.items() if standing.get(n) != "known"}
-        known = {n: q for n, q in self.quantities.items() if n not in uncertain}
-        sections = {
+        given = {n: q for n, q in self.quantities.items() if n in standing or n not in self.sheet_quantities}
+        uncertain = {n: q for n, q in given.items() if n in self.uncertain and standing.get(n) != "known"}
+        known = {n: q for n, q in given.items() if n not in uncertain}
+        sections: dict[str, dict[str, Any]] = {
             "columns": {name: _written_column(spec) for name, spec in self.columns.items()},
+            **{part: {"type": kind} for part, kind in self.parts.items()},
             "known": written(known, needs),
             "uncertain": written(uncertain, needs),
             "noise": {name: self._written_noise(name, columns[name]) for name in self.noise},

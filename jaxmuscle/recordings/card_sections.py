@@ -11,8 +11,10 @@ from jaxmuscle.effects import effect_named, names_on
 from jaxmuscle.errors import InputError, Problems, nearest
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, read_row_span
+from jaxmuscle.recordings.data_sheets import PARTS, sheet_quantities
 from jaxmuscle.recordings.schema import (
     AMBIENT,
+    OPEN,
     ColumnSpec,
     Need,
     Quantity,
@@ -25,7 +27,7 @@ from jaxmuscle.recordings.schema import (
 from jaxmuscle.units import STANDARD_ATMOSPHERE, out_of_range
 
 HEADS = ("rig", "description")
-SECTIONS = ("columns", "known", "uncertain", "effects", "noise", "fit", IGNORE, HELD_OUT, BREAKS)
+SECTIONS = ("columns", *PARTS, "known", "uncertain", "effects", "noise", "fit", IGNORE, HELD_OUT, BREAKS)
 NAME = re.compile(r"[A-Za-z0-9_-]+")
 """Keys of a card that are the user's own names."""
 SUPPLY = "supply_pressure"
@@ -45,13 +47,15 @@ def read_sections(mapping: Mapping[str, Any], file: str) -> dict[str, Any]:
     if not isinstance(description, str):
         problems.add("description", f"expected a text; got {description!r}")
     sections = {section: _section(mapping, section, problems) for section in SECTIONS}
-    known, uncertain = _quantities(sections["known"], sections["uncertain"], rig, problems)
+    parts, sheets = _parts({part: sections[part] for part in PARTS}, rig, problems)
+    known, uncertain = _quantities(sections["known"], sections["uncertain"], sheets, rig, problems)
     fields = {
         "rig": name,
         "description": description,
         "columns": _columns(sections["columns"], rig, problems),
         "known": known,
         "uncertain": uncertain,
+        "parts": parts,
         "effects": _effects(sections["effects"], rig, problems),
         "noise": _noise(sections["noise"], rig, problems),
         "horizon": _horizon(sections["fit"], problems),
@@ -108,22 +112,46 @@ def _columns(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[s
     return found
 
 
+def _parts(
+    sections: Mapping[str, Mapping[str, Any]], rig: Rig, problems: Problems
+) -> tuple[dict[str, str], dict[str, Quantity]]:
+    """Part → type, and the quantities that their data sheets give."""
+    types: dict[str, str] = {}
+    sheets: dict[str, Quantity] = {}
+    for part, section in ((part, section) for part, section in sections.items() if section):
+        _unknown(section, ("type",), f"[{part}]", problems)
+        with problems.at(f"[{part}] type"):
+            if section.get("type") == OPEN:
+                raise InputError(f"still to be filled in; name it in place of {OPEN!r}, or remove [{part}]")
+            sheets |= sheet_quantities(rig, part, section.get("type"))
+            types[part] = section["type"]
+    return types, sheets
+
+
 def _quantities(
-    known: Mapping[str, Any], uncertain: Mapping[str, Any], rig: Rig, problems: Problems
+    known: Mapping[str, Any],
+    uncertain: Mapping[str, Any],
+    sheets: Mapping[str, Quantity],
+    rig: Rig,
+    problems: Problems,
 ) -> tuple[dict[str, Quantity], dict[str, Quantity]]:
-    """(known, uncertain) quantities; those with a standard deviation are uncertain wherever they stand."""
+    """(known, uncertain) quantities; those with a standard deviation are uncertain wherever they stand.
+
+    `sheets`: those that stand in neither section if the card does not give them.
+    """
     needs = schema.quantities(rig)
     given = {"known": known, "uncertain": uncertain}
     for section, entries in given.items():
         _unknown(entries, needs, f"[{section}]", problems)
-    absent = [(n, need) for n, need in needs.items() if need.required and n not in {**known, **uncertain}]
+    given_or_taken = {**known, **uncertain, **sheets}
+    absent = [(name, need) for name, need in needs.items() if need.required and name not in given_or_taken]
     _missing(absent, "value = …", "[known]", problems)
     for name in (name for name in known if name in uncertain):
         problems.add(f"[known] {name}", "also given in [uncertain]; remove one of the two")
     entries = [(s, name, entry) for s in given for name, entry in given[s].items() if name in needs]
     # Gauge pressures need the ambient pressure.
     entries.sort(key=lambda entry: entry[1] != AMBIENT)
-    found: dict[str, Quantity] = {}
+    found = {name: quantity for name, quantity in sheets.items() if name not in {**known, **uncertain}}
     for section, name, entry in entries:
         with problems.at(f"[{section}] {name}"):
             ambient = found[AMBIENT].value if AMBIENT in found else STANDARD_ATMOSPHERE
