@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+
+from docstring_markup import as_markdown
 from effect_reference import anchor
 from tables import code, table
 
 import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import CATALOGUE, FURTHER
-from jaxmuscle.recordings import schema
+from jaxmuscle.recordings import data_sheets, schema
 from jaxmuscle.recordings.card_sections import HEADS, SECTIONS
 from jaxmuscle.recordings.schema import CLOCK, Need, Rig
 from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
@@ -18,6 +22,9 @@ SAID = {
     "rig": "which machine it is, one of the rigs below; before the first section",
     "description": "a text for readers, optional; before the first section",
     "columns": 'quantity → column of the table: `{ column = "p_bar", unit = "bar", reference = "gauge" }`',
+    "muscle": '`type = "Festo DMSP-20"`: what the card does not give of the muscle comes from the data sheet '
+    "of [this type](#types); what it gives goes before",
+    "valve": '`type = "Festo MPYE-5-M5-010-B"`: the same of the valve',
     "known": 'quantities that are held fixed: `{ value = 8, unit = "kg" }`',
     "uncertain": "quantities that are fitted, with one standard deviation of what is known of them: "
     '`{ value = 1.2, std = 0.2, unit = "mm^2" }`',
@@ -34,6 +41,8 @@ SAID = {
     '`second_run = { at = 40, unit = "s" }`',
 }
 """Key or section of a card → what stands in it."""
+SPREADS = ("ANGLE_STD", "END_FACTOR_STD", "SHADOW_STD", "AREA_STD", "LAG_STD")
+"""Constants of :mod:`jaxmuscle.recordings.data_sheets` that are standard deviations."""
 
 
 def card_reference() -> str:
@@ -57,7 +66,44 @@ def card_reference() -> str:
             [(kind, code(usual), code(unit)) for unit, (kind, usual) in KINDS.items() if unit],
         ),
     ]
-    return "\n".join([*parts, *(_rig(rig) for rig in RIGS.values())])
+    return "\n".join([*parts, *_types(), *(_rig(rig) for rig in RIGS.values())])
+
+
+def _types() -> list[str]:
+    """Muscles and valves that have data sheets."""
+    rows: list[tuple[str, str, str, str, str]] = []
+    sources = data_sheets.all_sources()
+    for part, sheets in data_sheets.data_sheets().items():
+        for sheet in sheets.values():
+            for field, q in sheet.quantities.items():
+                name, how = data_sheets.name_in_cards(part, field), "derived" if q.derived else "stated"
+                marks = [str(1 + sources.index(source)) for source in q.sources]
+                rows.append((code(sheet.type), code(name), str(q), how, ", ".join(marks)))
+    return [
+        "## Types {#types}\n",
+        "What a card takes from the data sheet of a type in `[muscle]` or `[valve]`, where it does not give "
+        "it itself; `jaxmuscle init --types` prints the list. A length that is cut to order is in none, nor "
+        "is what no source was found for.\n",
+        as_markdown(inspect.cleandoc(data_sheets.__doc__ or "").partition("\n\n")[2]) + "\n",
+        "Why the standard deviations of what is derived are what they are:\n",
+        "\n".join(f"- {_about(name)}" for name in SPREADS) + "\n",
+        table(("type", "quantity", "value", "how", "sources"), rows),
+        "Sources:\n",
+        "\n".join(f"{number}. {source}" for number, source in enumerate(sources, 1)) + "\n",
+    ]
+
+
+def _about(name: str) -> str:
+    """What stands below a constant of the data sheets, on one line."""
+    nodes = ast.parse(inspect.getsource(data_sheets)).body
+    at = next(
+        i
+        for i, node in enumerate(nodes)
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name
+    )
+    said = nodes[at + 1]
+    assert isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant)
+    return as_markdown(" ".join(str(said.value.value).split()))
 
 
 def _named(name: str) -> str:

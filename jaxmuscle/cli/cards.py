@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from jaxmuscle.cli.console import BAD_INPUT, faults, output
+from jaxmuscle.cli.listings import list_rig, list_rigs, list_types
 from jaxmuscle.cli.own_modules import load_modules
 from jaxmuscle.cli.shared_options import Debug, Every, Modules, Resample, Stretch
 from jaxmuscle.errors import InputError
@@ -33,7 +34,8 @@ def init(
         typer.Option(
             "--set",
             help="What you know: NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] for a quantity, "
-            "NAME=COLUMN[:UNIT[:gauge|absolute]] for a column. May be given several times.",
+            "NAME=COLUMN[:UNIT[:gauge|absolute]] for a column, muscle=TYPE or valve=TYPE for a bought part "
+            "(--types). May be given several times.",
         ),
     ] = None,
     out: Annotated[
@@ -47,6 +49,10 @@ def init(
     listing: Annotated[
         bool,
         typer.Option("--list", help="Print the columns and quantities of the rig, or all rigs, and end."),
+    ] = False,
+    types: Annotated[
+        bool,
+        typer.Option("--types", help="Print the muscles and valves that have data sheets, and end."),
     ] = False,
     module: Modules = None,
     debug: Debug = False,
@@ -66,7 +72,10 @@ def init(
 
         load_modules(module)
         if listing:
-            _list_rig(rig_named(rig)) if rig else _list_rigs(RIGS)
+            list_rig(rig_named(rig)) if rig else list_rigs(RIGS)
+            return
+        if types:
+            list_types()
             return
         if recording is None:
             raise InputError("expected the table of a recording: jaxmuscle init bench.csv; or --list")
@@ -157,41 +166,6 @@ def _print_draft(draft: Draft, card: Path) -> None:
     typer.echo(f"\n{card}\n{'Then' if open_ones else 'Next'}: jaxmuscle check {card}")
 
 
-def _list_rigs(rigs: dict[str, Any]) -> None:
-    from jaxmuscle.recordings import schema
-    from jaxmuscle.recordings.typical import rig_in_words
-
-    table = Table("rig", "what it is", "columns", box=None, pad_edge=False)
-    for name, rig in rigs.items():
-        table.add_row(name, rig_in_words(rig), ", ".join(schema.columns(rig)))
-    output().print(table)
-    typer.echo("\nThe quantities of one: jaxmuscle init --rig NAME --list")
-
-
-def _list_rig(rig: Rig) -> None:
-    from jaxmuscle.recordings import schema
-    from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, typical
-    from jaxmuscle.units import example_unit
-
-    typer.echo("Columns of its table:\n")
-    table = Table("column", "unit", box=None, pad_edge=False)
-    for name, need in schema.columns(rig).items():
-        kind = ", gauge or absolute" if need.referenced else ""
-        table.add_row(name, f"such as {example_unit(need.unit) or 'a number'}{kind}")
-    output().print(table)
-    typer.echo("\nQuantities of its card:\n")
-    table = Table("quantity", "unit", "typical", "of", "meaning", box=None, pad_edge=False)
-    for name, need in schema.quantities(rig).items():
-        usual, taken = typical(name, need), default_in_card(rig, name)
-        value, source = ("—", "") if usual is None else (usual.number, usual.source)
-        reference = " gauge"
-        if taken is not None:
-            value, source, reference = f"{taken[0]:g}", "taken when not given", " absolute"
-        unit = card_unit(name, need) + (reference if need.referenced else "")
-        table.add_row(name, unit, value, source, meaning_in_card(need))
-    output().print(table)
-
-
 def _check_picture(picture: Path | None) -> None:
     """Raise `InputError` for a picture that cannot be drawn, before anything is written."""
     from jaxmuscle.report.columns_figure import PICTURES
@@ -278,7 +252,7 @@ def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
     from jaxmuscle.recordings.schema import written_quantity
     from jaxmuscle.recordings.typical import default_in_card, meaning_in_card
 
-    rig = rig_named(card.rig)
+    rig, by_sheet = rig_named(card.rig), card.sheet_quantities
     table = Table("quantity", "value", "", "meaning", box=None, pad_edge=False)
     for name, need in schema.quantities(rig).items():
         given = card.quantities.get(name)
@@ -290,10 +264,12 @@ def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
         std = f" ± {entry['std']:.6g}" if "std" in entry else ""
         value = f"{entry['value']:.6g}{std} {entry['unit']} {entry.get('reference') or ''}".rstrip()
         role = "not given, taken" if given is None else "to be fitted" if std else "known"
+        role += ", data sheet" if name in by_sheet else ""
         table.add_row(name, value, role, meaning_in_card(need))
     typer.echo(f"\nRig {card.rig!r}:\n")
     show(table)
-    told = [f"effect {name}" for name in card.effects]
+    told = [f"{part} {kind}" for part, kind in card.parts.items()]
+    told += [f"effect {name}" for name in card.effects]
     told += [f"noise of {name}" for name in card.noise]
     told += [] if card.horizon is None else [f"horizon {card.horizon:g} s"]
     told += [f"{words(section)} {', '.join(spans)}" for section, spans in card.row_spans.items() if spans]

@@ -1,8 +1,8 @@
 r"""Data sheets of muscles and valves, and what a card takes from them: ``type = "Festo DMSP-20"`` in
 ``[muscle]``.
 
-What makers state stands in ``data_sheets.toml``, each number with its source. The parameters of the models are
-either stated there or derived from it here:
+What makers state stands in ``data_sheets.toml``, each number with its source. The parameters of the models
+are either stated there or derived from it:
 
 .. math:: r_0 = \tfrac{d}{2}, \quad \tan^2α_0 = \frac{2}{1 + F/(π r_0^2 p)}, \quad
           k = \frac1{ε} \left(1 - \frac1{\sqrt3 \cosα_0}\right)
@@ -22,16 +22,19 @@ import functools
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from jaxmuscle.actuators import RIGS
 from jaxmuscle.components.gas import GAMMA, GAS_CONSTANT
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.schema import Quantity, Rig, read_quantity
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
 
+Sources: TypeAlias = Mapping[str, tuple[str, ...]]
+"""What a data sheet states → where."""
 PARTS = ("muscle", "valve")
 """Parts of a machine that have data sheets; sections of a card."""
 ANGLE_STD = np.radians(2.0)
@@ -39,31 +42,33 @@ ANGLE_STD = np.radians(2.0)
 
 Least-squares fits of [T] to the force maps that Martens and Boblan (Actuators 2017, 6(4), 33, appendix A)
 measured, with the stated diameter, give 23.0 to 23.1° for a DMSP-10 (derived: 23.1°) and 25.5 to 26.8° for a
-DMSP-20 (25.3°). The largest forces at 620 kPa of Bolen et al. (Actuators 2026, equations for 10 and 20 mm) make
-it 24.0 to 24.4° and 26.8 to 27.5° for muscles of 0.3 to 0.5 m; shorter ones pull less: 26.7° at 0.112 m.
+DMSP-20 (25.3°). The largest forces at 620 kPa of Bolen et al. (Actuators 2026, equations for 10 and 20 mm)
+make it 24.0 to 24.4° and 26.8 to 27.5° for muscles of 0.3 to 0.5 m; shorter ones pull less: 26.7° at 0.112 m.
 """
 END_FACTOR_STD = 0.5
 """Standard deviation of an end factor that is derived from the largest contraction of a data sheet [-].
 
-The same maps give 2.4 to 2.5 for a DMSP-10 (derived: 1.49) and 1.5 to 1.7 for a DMSP-20 (1.45): the bladder, which
-[T] leaves out, holds a thin muscle back below the pressure at which it contracts most.
+The force maps of Martens and Boblan give 2.4 to 2.5 for a DMSP-10 (derived: 1.49), which is two of them off,
+and 1.5 to 1.7 for a DMSP-20 (1.45): the bladder, which [T] leaves out, holds a thin muscle back.
 """
 SHADOW_STD = np.radians(5.0), 0.15
-"""Standard deviations of braid angle [rad] and end factor [-] of a muscle of which only the largest contraction is
-stated. "Up to" is a bound: the muscle of [T] (20°, 1.303) of the same build, which contracts by 0.30, lies within
-two of them.
+"""Standard deviations of braid angle [rad] and end factor [-] of a muscle of which only the largest
+contraction is stated.
+
+It is a bound: the muscle of [T] (20°, 1.303), of the same build, contracts by 0.30 and lies two of them off.
 """
 AREA_STD = 0.2
 """Standard deviation of an effective area that is derived from a nominal flow, relative to it [-].
 
-A valve of critical pressure ratio 0.3 or 0.2 in place of an ideal nozzle's 0.528 passes 1.18 or 1.26 times as much
-of the same nominal flow where it is choked (ISO 6358), and litres at 0 °C weigh 1.09 times as much as at 20 °C.
+With the critical pressure ratio 0.3 or 0.2 in place of an ideal nozzle's 0.528 a valve of the same nominal
+flow passes 1.18 or 1.26 times as much where it is choked (ISO 6358); litres at 0 °C and 1.01325 bar weigh
+1.09 times as much as those at 20 °C and 1 bar.
 """
 LAG_STD = 0.4
 """Standard deviation of a time constant that is derived from a critical frequency, relative to it [-].
 
-A spool of second order with a damping of 0.71 and the same -3 dB frequency trails a slow command by 1.41 times as
-much as the first-order spool of the model.
+A spool of second order with a damping of 0.71 and the same -3 dB frequency trails a slow command by 1.41
+times as much as the first-order spool of the model.
 """
 NORMAL_DENSITY = 1e5 / (GAS_CONSTANT * 293.15)
 """Density of air to which a nominal flow refers, 1 bar and 20 °C (ISO 8778), dry [kg/m^3]."""
@@ -86,17 +91,23 @@ class SheetQuantity:
     """A parameter of a part's model.
 
     Attributes:
-        value, unit: as a card would give it.
+        value, unit: as a card would give it; `si`: its SI unit.
         std: standard deviation of it, `None` of one that is held fixed.
         derived: whether it is computed from what the source states, in place of being stated there.
-        source: where it, or what it is computed from, is stated.
+        sources: where it, or what it is computed from, is stated.
     """
 
     value: float
     unit: str
+    si: str
     std: float | None
     derived: bool
-    source: str
+    sources: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """The value with standard deviation and unit, as a person writes them."""
+        spread = "" if self.std is None else f" ± {self.std:g}"
+        return f"{self.value:g}{spread} {self.unit}".rstrip()
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -120,6 +131,11 @@ class DataSheet:
     type: str
     quantities: Mapping[str, SheetQuantity]
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Field of the part's model → value (SI): ``McKibben(initial_length=0.3, **sheet.values)``."""
+        return {field: to_si(q.value, q.unit, q.si) for field, q in self.quantities.items()}
+
 
 @functools.cache
 def data_sheets() -> dict[str, dict[str, DataSheet]]:
@@ -127,6 +143,12 @@ def data_sheets() -> dict[str, dict[str, DataSheet]]:
     text = files("jaxmuscle.recordings").joinpath("data_sheets.toml").read_text(encoding="utf-8")
     table = tomllib.loads(text)
     return {part: {name: _data_sheet(part, name, table) for name in table[part]} for part in PARTS}
+
+
+def all_sources() -> tuple[str, ...]:
+    """The sources of all data sheets, each once."""
+    sheets = (sheet for each in data_sheets().values() for sheet in each.values())
+    return tuple(dict.fromkeys(s for sheet in sheets for q in sheet.quantities.values() for s in q.sources))
 
 
 def data_sheet(part: str, kind: object) -> DataSheet:
@@ -143,7 +165,7 @@ def data_sheet(part: str, kind: object) -> DataSheet:
 
 
 def sheet_quantities(rig: Rig, part: str, kind: object) -> dict[str, Quantity]:
-    """The quantities of a rig's card that the data sheet of a part gives, by the names that the rig has for them.
+    """The quantities of a rig's card that the data sheet of a part gives, by the names of the rig.
 
     Raises:
         InputError: there is no such type, or the rig has no part that it could be.
@@ -163,19 +185,28 @@ def sheet_quantities(rig: Rig, part: str, kind: object) -> dict[str, Quantity]:
     }
 
 
+def name_in_cards(part: str, field: str) -> str:
+    """How cards call a field of a part's model, by the first rig that has it."""
+    paths = (rig.quantities.items() for rig in RIGS.values())
+    return next((name for pairs in paths for name, path in pairs if path == f"{part}.{field}"), field)
+
+
 def _data_sheet(part: str, name: str, table: Mapping[str, Any]) -> DataSheet:
-    stated, further = table[part][name], ""
+    stated, further = table[part][name], []
     if "same_as" in stated:
-        further = f"; {table['sources'][stated['same_as']['source']]}"
+        further = stated["same_as"]["source"]
         stated = table[part][stated["same_as"]["type"]]
     numbers = {key: to_si(float(entry["value"]), entry["unit"], SI[key]) for key, entry in stated.items()}
-    sources = {key: table["sources"][entry["source"]] + further for key, entry in stated.items()}
+    sources = {
+        key: tuple(table["sources"][each] for each in (*entry["source"], *further))
+        for key, entry in stated.items()
+    }
     derive = _muscle if part == "muscle" else _valve
     return DataSheet(part, name, derive(numbers, sources))
 
 
-def _muscle(stated: Mapping[str, float], sources: Mapping[str, str]) -> dict[str, SheetQuantity]:
-    """Parameters of a muscle; equations of the module. Without a stated force the ends are no hindrance, k = 1."""
+def _muscle(stated: Mapping[str, float], sources: Sources) -> dict[str, SheetQuantity]:
+    """Parameters of a muscle; equations of the module, with k = 1 where no force is stated."""
     contraction = stated["contraction"]
     if "force" not in stated:
         angle = np.arccos(1 / (np.sqrt(3) * (1 - contraction)))
@@ -198,7 +229,7 @@ def _muscle(stated: Mapping[str, float], sources: Mapping[str, str]) -> dict[str
     }
 
 
-def _valve(stated: Mapping[str, float], sources: Mapping[str, str]) -> dict[str, SheetQuantity]:
+def _valve(stated: Mapping[str, float], sources: Sources) -> dict[str, SheetQuantity]:
     """Parameters of a flow valve; equations of the module."""
     area = NORMAL_DENSITY * stated["nominal_flow"] / flow_per_area(*NOMINAL_PRESSURES, 293.15)
     found = {"area": _derived(area, AREA_STD * area, "mm^2", "m^2", sources["nominal_flow"])}
@@ -219,18 +250,18 @@ def flow_per_area(pressure_in: float, pressure_out: float, temperature: float) -
     return pressure_in * float(np.sqrt(2 * GAMMA / ((GAMMA - 1) * GAS_CONSTANT * temperature) * root))
 
 
-def _stated(value: float, unit: str, si: str, source: str) -> SheetQuantity:
-    return SheetQuantity(_digits(from_si(value, unit, si), 6), unit, None, False, source)
+def _stated(value: float, unit: str, si: str, sources: tuple[str, ...]) -> SheetQuantity:
+    return SheetQuantity(_digits(from_si(value, unit, si), 6), unit, si, None, False, sources)
 
 
-def _derived(value: float, std: float, unit: str, si: str, source: str) -> SheetQuantity:
-    number, spread = (_digits(from_si(float(each), unit, si), 3) for each in (value, std))
-    return SheetQuantity(number, unit, spread, True, source)
+def _derived(value: float, std: float, unit: str, si: str, sources: tuple[str, ...]) -> SheetQuantity:
+    number, spread = (_digits(from_si(float(x), unit, si), n) for x, n in ((value, 3), (std, 2)))
+    return SheetQuantity(number, unit, si, spread, True, sources)
 
 
 def _digits(number: float, digits: int) -> float:
     return float(f"{number:.{digits}g}")
 
 
-def _joined(sources: Mapping[str, str], *keys: str) -> str:
-    return "; ".join(dict.fromkeys(sources[key] for key in keys))
+def _joined(sources: Sources, *keys: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(source for key in keys for source in sources[key]))

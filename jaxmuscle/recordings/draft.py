@@ -15,13 +15,27 @@ from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.clocks import holds_stamps
 from jaxmuscle.recordings.column_guess import Guess, guess_columns
-from jaxmuscle.recordings.schema import CLOCK, OPEN, ColumnSpec, Need, Rig, read_column, read_quantity
+from jaxmuscle.recordings.data_sheets import PARTS, sheet_quantities
+from jaxmuscle.recordings.schema import (
+    CLOCK,
+    OPEN,
+    ColumnSpec,
+    Need,
+    Quantity,
+    Rig,
+    read_column,
+    read_quantity,
+    written_quantity,
+)
 from jaxmuscle.recordings.table import Table
 from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
 
 FILL_IN, CHECK = "FILL IN", "CHECK"
-SETTING = "NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] or NAME=COLUMN[:UNIT[:gauge|absolute]]"
+SETTING = (
+    "NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] or NAME=COLUMN[:UNIT[:gauge|absolute]] or muscle=TYPE or "
+    "valve=TYPE"
+)
 NUMBER = re.compile(
     r"(?P<value>[+-]?[\d.]+(?:[eE][+-]?\d+)?)(?:\s*(?:\+-|±)\s*(?P<std>[\d.]+(?:[eE][+-]?\d+)?))?"
 )
@@ -46,12 +60,16 @@ class Draft:
         columns: quantity → guess of its column.
         entries: quantity → its entry, of those that have to stand in the card.
         hints: quantity → what the table tells of it.
+        parts: muscle or valve → its type.
+        taken: quantity → what the data sheets of the parts give, of those that `entries` has not.
     """
 
     rig: Rig
     columns: Mapping[str, Guess]
     entries: Mapping[str, Entry]
     hints: Mapping[str, str]
+    parts: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    taken: Mapping[str, Quantity] = dataclasses.field(default_factory=dict)
 
     @property
     def open(self) -> list[str]:
@@ -84,6 +102,7 @@ class Draft:
             "",
             "[columns]  # quantity -> column of the table",
             *_aligned(self._column_lines()),
+            *self._part_lines(),
         ]
         needs = schema.quantities(self.rig)
         fitted = [name for name, entry in self.entries.items() if "std" in entry]
@@ -91,7 +110,7 @@ class Draft:
         if known:
             lines += ["", "[known]  # held fixed; with a std = … a quantity is fitted instead"]
             lines += _aligned([self._quantity_line(name, needs[name]) for name in known])
-        left_out = [name for name in needs if name not in self.entries]
+        left_out = [name for name in needs if name not in {**self.entries, **self.taken}]
         if left_out:
             lines += ["# Taken so unless you write otherwise:"] if known else ["", "[known]"]
             lines += _aligned([_default_line(self.rig, name, needs[name]) for name in left_out])
@@ -110,6 +129,28 @@ class Draft:
             'horizon = { value = 1, unit = "s" }  # predict in windows of this length',
         ]
         return "\n".join(lines) + "\n"
+
+    def _part_lines(self) -> list[str]:
+        """The sections of the parts, with what their data sheets give; or how to name a type."""
+        needs, lines = schema.quantities(self.rig), []
+        shown = {
+            name: written_quantity(q, needs[name], STANDARD_ATMOSPHERE) for name, q in self.taken.items()
+        }
+        for part in PARTS:
+            own = [n for n, path in self.rig.quantities.items() if path.startswith(f"{part}.")]
+            given = [f"# {name} = {entry_text(shown[name])}" for name in own if name in shown]
+            if part in self.parts:
+                kind = json.dumps(self.parts[part], ensure_ascii=False)
+                lines += [
+                    "",
+                    f"[{part}]  # its data sheet gives what does not stand below",
+                    f"type = {kind}",
+                    *given,
+                ]
+            elif own:
+                lines += ["", f"# [{part}]  # a bought one: its data sheet gives what you leave out below"]
+                lines += ['# type = "…"  # jaxmuscle init --types lists them']
+        return lines
 
     def _measured(self) -> list[tuple[str, Guess]]:
         commands = ("time", *self.rig.commands)
@@ -150,6 +191,8 @@ def draft_card(table: Table, rig: Rig, settings: Sequence[str] = ()) -> Draft:
     guesses = guess_columns(table, rig)
     needs, columns = schema.quantities(rig), schema.columns(rig)
     entries = {name: _open_entry(name, need) for name, need in needs.items() if need.required}
+    parts: dict[str, str] = {}
+    taken: dict[str, Quantity] = {}
     problems = Problems("--set")
     for text in settings:
         name, equals, body = (part.strip() for part in text.partition("="))
@@ -160,10 +203,17 @@ def draft_card(table: Table, rig: Rig, settings: Sequence[str] = ()) -> Draft:
                 guesses[name] = _set_column(table, name, columns[name], guesses[name], body)
             elif name in needs:
                 entries[name] = _set_quantity(name, needs[name], body)
+            elif name in PARTS:
+                taken |= sheet_quantities(rig, name, body)
+                parts[name] = body
             else:
-                raise InputError(f"rig {rig.rig!r} has no {name!r}{nearest(name, (*columns, *needs))}")
+                raise InputError(
+                    f"rig {rig.rig!r} has no {name!r}{nearest(name, (*columns, *needs, *PARTS))}"
+                )
     problems.check()
-    return Draft(rig, guesses, entries, _hints(table, rig, guesses))
+    taken = {name: q for name, q in taken.items() if OPEN in entries.get(name, {"value": OPEN}).values()}
+    entries = {name: entry for name, entry in entries.items() if name not in taken}
+    return Draft(rig, guesses, entries, _hints(table, rig, guesses), parts, taken)
 
 
 def answered(draft: Draft, name: str, text: str) -> Draft:

@@ -13,10 +13,11 @@ import xarray as xr
 from jaxtyping import ArrayLike
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.errors import InputError, Problems, nearest
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.row_selection import LongRecording, RowRequest, request_of, selected, stretch_of
@@ -38,6 +39,8 @@ def recording(
     uncertain: Mapping[str, float] | None = None,
     stretch: str | Sequence[float] | None = None,
     every: int | None = None,
+    muscle: str | None = None,
+    valve: str | None = None,
 ) -> Recording:
     """What a bench measured, from arrays in SI units (pressures absolute) on a uniform clock.
 
@@ -58,10 +61,14 @@ def recording(
         uncertain: quantity of the card → standard deviation of what is known of it (SI).
         stretch, every: which rows to take, as of :func:`jaxmuscle.read`; what is taken of arrays of more
             than :data:`~jaxmuscle.recordings.row_selection.MOST_ROWS` rows is told by a warning.
+        muscle, valve: type, such as ``"Festo DMSP-20"``, whose data sheet says how well the quantities of
+            this part are known, where `uncertain` does not; the values are the actuator's.
+            :func:`jaxmuscle.recordings.data_sheet` gives those of the data sheet.
 
     Raises:
         InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
-            that cannot be; samples that cannot be of this machine (a reversed sign, a wrong unit).
+            that cannot be; samples that cannot be of this machine (a reversed sign, a wrong unit); a type
+            that has no data sheet, or whose part the machine does not have.
     """
     rig = type(actuator)
     needs = {key: need for key, need in schema.columns(rig).items() if key != "time"}
@@ -69,7 +76,9 @@ def recording(
     arrays = _equally_long(rig, columns, needs)
     rows = len(next(iter(arrays.values())))
     _check_numbers(rows, step, noise or {}, horizon, breaks)
-    card = _unsure_of(_card(actuator, needs, dict(noise or {}), horizon), uncertain or {})
+    parts = {part: kind for part, kind in (("muscle", muscle), ("valve", valve)) if kind is not None}
+    card = _card(actuator, needs, dict(noise or {}), horizon, parts)
+    card = _unsure_of(card, {**_unsure_by_data_sheet(rig, parts), **(uncertain or {})})
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
@@ -165,6 +174,18 @@ def _samples(given: object, name: str) -> Series:
         raise InputError(f"columns[{name!r}]: expected an array of numbers; {error}") from error
 
 
+def _unsure_by_data_sheet(rig: type[AbstractActuator], parts: Mapping[str, str]) -> dict[str, float]:
+    """Quantity of the card → standard deviation (SI) by the data sheets of its parts."""
+    problems = Problems("data sheet")
+    found: dict[str, float] = {}
+    for part, kind in parts.items():
+        with problems.at(part):
+            sheet = sheet_quantities(rig, part, kind)
+            found |= {name: q.std for name, q in sheet.items() if q.std is not None}
+    problems.check()
+    return found
+
+
 def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
     """The card with standard deviations of some of its known quantities.
 
@@ -183,7 +204,11 @@ def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
 
 
 def _card(
-    actuator: AbstractActuator, needs: Mapping[str, Need], noise: dict[str, float], horizon: float | None
+    actuator: AbstractActuator,
+    needs: Mapping[str, Need],
+    noise: dict[str, float],
+    horizon: float | None,
+    parts: dict[str, str],
 ) -> Card:
     """The card of a machine whose every quantity is known."""
     columns = {
@@ -194,4 +219,4 @@ def _card(
     for key, need in schema.quantities(type(actuator)).items():
         value = float(get(actuator, actuator.quantities[key]))
         known[key] = Quantity(value, None, need.unit, "absolute" if need.referenced else None)
-    return Card(actuator.rig, columns, known, {}, noise=noise, horizon=horizon)
+    return Card(actuator.rig, columns, known, {}, noise=noise, horizon=horizon, parts=parts)

@@ -11,6 +11,7 @@ import jaxmuscle.robot  # noqa: F401 - its rig joins the registry
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.cli import app
 from jaxmuscle.recordings import Card, schema
+from jaxmuscle.recordings.data_sheets import all_sources, data_sheets
 from jaxmuscle.samples import sample
 
 pytestmark = pytest.mark.usefixtures("package_rigs")
@@ -151,6 +152,31 @@ def test_every_rig_is_listed(run: Run) -> None:
     outcome = run("init", "--list")
     assert outcome.exit_code == 0
     assert {*RIGS} <= {line.split()[0] for line in outcome.stdout.splitlines() if line}
+
+
+def test_every_type_with_a_data_sheet_is_listed_with_its_sources(run: Run) -> None:
+    outcome = run("init", "--types")
+    assert outcome.exit_code == 0
+    for sheets in data_sheets().values():
+        for name, sheet in sheets.items():
+            lines = [line for line in outcome.stdout.splitlines() if line.startswith(f"{name} ")]
+            assert len(lines) == len(sheet.quantities)
+            assert all("stated" in line or "derived" in line for line in lines)
+    assert all(source in outcome.stdout for source in all_sources())
+
+
+def test_check_says_what_comes_from_a_data_sheet(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "lift.csv").write_text(sample("lift").read_text())
+    card = sample("lift").with_suffix(".toml").read_text()
+    lines = [line for line in card.splitlines() if not line.startswith("end_factor")]
+    (tmp_path / "lift.toml").write_text("\n".join([*lines, "[muscle]", 'type = "Festo DMSP-10"', ""]))
+    outcome = run("check", "lift.toml")
+    assert outcome.exit_code == 0, outcome.stderr
+    (line,) = (line for line in outcome.stdout.splitlines() if line.startswith("end_factor"))
+    assert "1.49 ± 0.5" in line and "to be fitted, data sheet" in line
+    (line,) = (line for line in outcome.stdout.splitlines() if line.startswith("braid_angle"))
+    assert "data sheet" not in line
+    assert "The card also gives: muscle Festo DMSP-10, effect" in outcome.stdout
 
 
 def test_a_picture_of_what_was_understood(run: Run, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card, read, schema
+from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.draft import answered, draft_card
 from jaxmuscle.recordings.read import table_in_file
 from jaxmuscle.recordings.readers.frames import table_of_frame
@@ -227,3 +228,42 @@ def test_a_card_that_is_none(lift, text: str) -> None:
     lift.card.write_bytes(text.encode("latin-1"))
     found = survey(lift.card)
     assert found.card is None and len(found.faults) == 1
+
+
+def test_a_bought_part_is_named_and_its_quantities_are_not_open() -> None:
+    bought = ("muscle=Festo DMSP-10", "valve=Festo MPYE-5-1/8-HF-010-B")
+    draft = draft_of("lift", *bought, "braid_angle=24+-1:deg")
+    sheet = sheet_quantities(draft.rig, "muscle", "Festo DMSP-10")
+    assert {"initial_radius", "end_factor", "full_command", "valve_area"} == set(draft.taken)
+    assert draft.open == ["valve_time_constant", "supply_pressure", "initial_length", "mass"]
+    settings = (
+        "valve_time_constant=2:ms",
+        "supply_pressure=7:bar:gauge",
+        "initial_length=300:mm",
+        "mass=8:kg",
+    )
+    text = draft_of("lift", *bought, "braid_angle=24+-1:deg", *settings).to_toml("lift.csv")
+    card = Card.from_toml(text)
+    assert card.parts == {"muscle": "Festo DMSP-10", "valve": "Festo MPYE-5-1/8-HF-010-B"}
+    assert card.quantities["end_factor"] == sheet["end_factor"]
+    assert card.uncertain["braid_angle"].value == pytest.approx(np.radians(24))
+    assert '# end_factor = { value = 1.49, std = 0.5, unit = "" }' in text
+    assert read(sample("lift"), card).card == card
+
+
+def test_a_draft_says_how_to_name_a_bought_part_where_the_rig_has_one() -> None:
+    lift, swing = draft_of("lift").to_toml("lift.csv"), draft_of("swing").to_toml("swing.csv")
+    assert "# [muscle]" in lift and "# [valve]" in lift
+    assert "# [muscle]" in swing and "# [valve]" not in swing
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ("muscle=Festo DMSP-21", "did you mean 'Festo DMSP-20'"),
+        ("muscl=Festo DMSP-20", "did you mean 'muscle'"),
+    ],
+)
+def test_a_part_that_is_not_known(setting: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        draft_of("lift", setting)
