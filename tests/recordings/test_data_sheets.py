@@ -2,6 +2,7 @@
 
 import dataclasses
 import tomllib
+from collections.abc import Mapping
 from importlib.resources import files
 
 import jax.numpy as jnp
@@ -49,6 +50,11 @@ def lift(*left_out: str, muscle: str = "", valve: str = "") -> str:
     return text_of("lift", *left_out, parts=parts + (f'[valve]\ntype = "{valve}"\n' if valve else ""))
 
 
+def muscle_of(values: Mapping[str, float]) -> McKibben:
+    """A muscle of these sizes [SI]."""
+    return McKibben(**{name: jnp.asarray(value) for name, value in values.items()})
+
+
 def told(text: str) -> str:
     """What is wrong with a card."""
     with pytest.raises(InputError) as caught:
@@ -82,7 +88,7 @@ def test_no_number_is_typed_in_without_a_source() -> None:
 @pytest.mark.parametrize("name", [name for name, stated in TABLE["muscle"].items() if "force" in stated])
 def test_a_muscle_pulls_and_contracts_as_its_data_sheet_states(name: str) -> None:
     stated, sheet = TABLE["muscle"][name], data_sheet("muscle", name)
-    muscle = McKibben(initial_length=1.0, **sheet.values)
+    muscle = muscle_of({"initial_length": 1.0, **sheet.values})
     pressure = 1e5 * stated["pressure"]["value"]
     force = float(muscle.force(jnp.zeros(()), jnp.asarray(pressure), muscle.end_factor))
     # Three digits of the angle are half a percent of the force.
@@ -94,7 +100,7 @@ def test_a_muscle_pulls_and_contracts_as_its_data_sheet_states(name: str) -> Non
 def test_a_muscle_without_a_stated_force_contracts_as_stated() -> None:
     sheet = data_sheet("muscle", "Shadow Air Muscle")
     assert set(sheet.quantities) == {"braid_angle", "end_factor"}
-    muscle = McKibben(initial_length=1.0, initial_radius=0.01, **sheet.values)
+    muscle = muscle_of({"initial_length": 1.0, "initial_radius": 0.01, **sheet.values})
     assert float(largest_contraction(muscle)) == pytest.approx(0.4, rel=5e-3)
 
 
