@@ -21,7 +21,14 @@ from PIL import Image
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.animation.drawn_parts import text
-from jaxmuscle.animation.run_columns import Columns, columns_of, pressure_levels, unit_of, where_to_find
+from jaxmuscle.animation.run_columns import (
+    Columns,
+    columns_of,
+    is_pressure,
+    pressure_levels,
+    unit_of,
+    where_to_find,
+)
 from jaxmuscle.animation.scenes import Scene, scene
 from jaxmuscle.errors import InputError
 from jaxmuscle.figure_style import AFTER, INK, MUTED, STYLE, curve, figure
@@ -253,7 +260,7 @@ def _order(seen: Scene, columns: Columns) -> list[str]:
 def _printed(actuator: AbstractActuator, name: str, values: NDArray[np.float64]) -> tuple[float, str]:
     unit = unit_of(actuator, name)
     size, printed = printed_unit(unit, float(np.abs(values).max()))
-    return size, f"{printed} absolute" if unit == "Pa" and name.startswith("pressure") else printed
+    return size, f"{printed} absolute" if is_pressure(actuator, name) else printed
 
 
 def _png(image: Image.Image) -> bytes:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.actuators.variables import Column, StateVariable
 from jaxmuscle.recordings import Recording
 from jaxmuscle.simulation.simulate import Simulation
 
@@ -75,8 +76,19 @@ def _bridged(clock: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray
 
 def unit_of(actuator: AbstractActuator, name: str) -> str:
     """SI unit of a column or of an entry of a state."""
-    declared = actuator.columns.get(name) or actuator.states.get(name) or actuator.states.get(_base(name))
+    declared = _declared(actuator, name)
     return declared.unit if declared else ""
+
+
+def is_pressure(actuator: AbstractActuator, name: str) -> bool:
+    """Whether a column or an entry of a state is an absolute pressure, measured or commanded."""
+    declared = _declared(actuator, name)
+    return declared is not None and declared.unit == "Pa" and not declared.difference
+
+
+def _declared(actuator: AbstractActuator, name: str) -> Column | StateVariable | None:
+    """What a rig declares of a column, or of a state or the state of an entry."""
+    return actuator.columns.get(name) or actuator.states.get(name) or actuator.states.get(_base(name))
 
 
 def pressure_levels(
@@ -84,7 +96,7 @@ def pressure_levels(
 ) -> dict[str, float]:
     """Pressures, and commands of pressures, as parts of the highest gauge pressure of the run."""
     ambient = float(getattr(actuator, "ambient_pressure", 0.0))
-    names = [name for name in now if unit_of(actuator, name) == "Pa"]
+    names = [name for name in now if is_pressure(actuator, name)]
     pressures = [columns[name].max() for name in names if name in columns and name not in actuator.commands]
     highest = float(max(pressures, default=ambient)) - ambient
     return {name: (now[name] - ambient) / highest if highest > 0 else 0.0 for name in names}
