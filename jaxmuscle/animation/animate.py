@@ -20,7 +20,16 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.animation.scenes import Scene, scene, text
+from jaxmuscle.animation.drawn_parts import text
+from jaxmuscle.animation.run_columns import (
+    Columns,
+    columns_of,
+    is_pressure,
+    pressure_levels,
+    unit_of,
+    where_to_find,
+)
+from jaxmuscle.animation.scenes import Scene, scene
 from jaxmuscle.errors import InputError
 from jaxmuscle.figure_style import AFTER, INK, MUTED, STYLE, curve, figure
 from jaxmuscle.files import atomic_folder, atomic_write
@@ -34,9 +43,10 @@ FRAMES = 120
 """Most pictures of an animation, unless asked for: a longer run is shown faster, or in fewer of them."""
 RATE = 25.0
 """Pictures a second."""
+CURVES = 4
+"""Curves beside the machine; more where a scene needs more columns."""
 SIZE, DPI, COLOURS = (7.4, 4.8), 100, 96
 """Size of a picture [in], its resolution, and colours that are kept."""
-Columns = Mapping[str, NDArray[np.float64]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,10 +146,10 @@ class Animation:
         """A figure with place for the machine and the curves of the run, and lines that mark the instant."""
         with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
             drawing = Figure(figsize=SIZE, dpi=DPI)
-            shown = [name for name in _order(self.scene, self.columns) if name in self.columns][:4]
+            shown = _order(self.scene, self.columns)[: max(CURVES, 1 + len(self.scene.needed))]
             grid = drawing.add_gridspec(
                 len(shown), 2, width_ratios=(1.45, 1), left=0.02, right=0.985, top=0.93, bottom=0.1,
-                wspace=0.3, hspace=0.45,
+                wspace=0.3, hspace=0.45 if len(shown) <= CURVES else 0.75,
             )  # fmt: skip
             machine = drawing.add_subplot(grid[:, 0])
             cursors = []
@@ -147,7 +157,8 @@ class Animation:
                 axes = drawing.add_subplot(grid[row, 1])
                 size, unit = _printed(self.actuator, name, self.columns[name])
                 curve(axes, self.clock, self.columns[name] / size, 600, color=INK, lw=1.0)
-                axes.set_title(f"{words(name)} [{unit}]" if unit else words(name), fontsize=9)
+                title = self.scene.titles.get(name, words(name))
+                axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=9)
                 axes.tick_params(labelsize=7.5, labelbottom=row == len(shown) - 1)
                 axes.margins(x=0)
                 axes.set_xlabel("time [s]" if row == len(shown) - 1 else "", fontsize=8.5)
@@ -157,7 +168,7 @@ class Animation:
     def _show(self, machine: Axes, cursors: Sequence[Any], time: float) -> None:
         now = {name: float(np.interp(time, self.clock, values)) for name, values in self.columns.items()}
         with mpl.rc_context(STYLE):
-            _draw_scene(machine, self.scene, now, _levels(self.actuator, self.columns, now))
+            _draw_scene(machine, self.scene, now, pressure_levels(self.actuator, self.columns, now))
             text(machine, 0.02, 0.97, f"{time:.2f} s", transform=machine.transAxes, ha="left", color=MUTED)
         for cursor in cursors:
             cursor.set_xdata([time, time])
@@ -171,7 +182,8 @@ def animate(
 
     Muscles are drawn at the length and radius that their contraction gives them (braid of constant thread
     length, [T] equation 3), the colour of the bladder is its pressure. What the rig has no dimensions of
-    (the arm of a joint, the elbow) is a sketch.
+    (the arm of a joint, the elbow) is a sketch. The jet pipe needs states that no sensor shows, which a
+    simulation keeps: ``animate(simulate(actuator, recording, states=True), actuator)``.
 
     Args:
         run: a recording, or a simulation.
@@ -196,12 +208,12 @@ def animate(
     if frames is not None and (isinstance(frames, bool) or not isinstance(frames, int) or frames < 2):
         raise InputError(f"frames: expected a whole number from 2; got {frames!r}")
     seen = scene(actuator)
-    clock, columns = _columns_of(run, actuator)
+    clock, columns = columns_of(run, actuator)
     missing = [name for name in (seen.motion, *seen.needed) if name not in columns]
     if missing:
         raise InputError(
             f"animate: the run has no {', '.join(missing)}, which rig {actuator.rig!r} needs; it has "
-            f"{', '.join(columns)}. What a bench imposes is in the recording: animate(recording, actuator)"
+            f"{', '.join(columns)}. {where_to_find(missing, actuator)}"
         )
     span = float(clock[-1] - clock[0])
     count = frames or min(max(int(RATE * span / speed), 2), FRAMES)
@@ -219,7 +231,7 @@ def draw(actuator: AbstractActuator) -> Figure:
     with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
         drawing = figure(max(SIZE[1], 0.19 * len(rows) + 0.6), 9.4)
         machine, listed = drawing.subplots(1, 2, width_ratios=(1.5, 1))
-        _draw_scene(machine, seen, seen.rest, _levels(actuator, {}, seen.rest))
+        _draw_scene(machine, seen, seen.rest, pressure_levels(actuator, {}, seen.rest))
         for x, y, label in seen.labels:
             text(machine, x, y, label, color=INK)
         listed.set_axis_off()
@@ -239,48 +251,16 @@ def _draw_scene(axes: Axes, seen: Scene, now: Mapping[str, float], levels: Mappi
     seen.draw(axes, now, levels)
 
 
-def _columns_of(
-    run: Recording | Simulation, actuator: AbstractActuator
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Clock and columns; gaps are bridged by straight lines."""
-    if isinstance(run, Recording):
-        clock, found = run.time, run.columns
-    else:
-        table = run.to_frame()
-        clock = table.index.to_numpy(dtype=float)
-        found = {str(name): table[name].to_numpy(dtype=float) for name in table}
-        if run.command is not None:
-            commands = np.asarray(run.command).reshape(len(clock), -1).T
-            found |= dict(zip(actuator.commands, commands, strict=False))
-    return clock, {
-        name: _bridged(clock, values) for name, values in found.items() if np.isfinite(values).any()
-    }
-
-
-def _bridged(clock: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    known = np.isfinite(values)
-    return values if known.all() else np.interp(clock, clock[known], values[known])
-
-
 def _order(seen: Scene, columns: Columns) -> list[str]:
     """What moves first, then the pressures, then the rest."""
     first = [seen.motion, *seen.needed]
     return [*first, *(name for name in columns if name not in first)]
 
 
-def _levels(actuator: AbstractActuator, columns: Columns, now: Mapping[str, float]) -> dict[str, float]:
-    """Pressures, and commands of pressures, as parts of the highest gauge pressure of the run."""
-    ambient = float(getattr(actuator, "ambient_pressure", 0.0))
-    names = [name for name in now if name.startswith(("pressure", "command"))]
-    pressures = [columns[name].max() for name in columns if name.startswith("pressure")]
-    highest = float(max(pressures, default=ambient)) - ambient
-    return {name: (now[name] - ambient) / highest if highest > 0 else 0.0 for name in names}
-
-
 def _printed(actuator: AbstractActuator, name: str, values: NDArray[np.float64]) -> tuple[float, str]:
-    unit = actuator.columns[name].unit if name in actuator.columns else ""
+    unit = unit_of(actuator, name)
     size, printed = printed_unit(unit, float(np.abs(values).max()))
-    return size, f"{printed} absolute" if unit == "Pa" and name.startswith("pressure") else printed
+    return size, f"{printed} absolute" if is_pressure(actuator, name) else printed
 
 
 def _png(image: Image.Image) -> bytes:

@@ -45,15 +45,25 @@ def profile(length: float, radius: float, ends: float) -> tuple[Point, Point]:
     return along, ends + (radius - ends) * np.sqrt(1 - (1 - near) ** 2)
 
 
-def draw_muscle(axes: Axes, muscle: Any, begin: Point, end: Point, level: float) -> None:
+def pressure_colour(level: float) -> tuple[float, float, float]:
+    """Colour (red, green, blue) of a pressure, as a part of the highest one that is shown."""
+    red, green, blue = EMPTY + (FULL - EMPTY) * min(max(level, 0.0), 1.0)
+    return float(red), float(green), float(blue)
+
+
+def draw_muscle(
+    axes: Axes, muscle: Any, begin: Point, end: Point, level: float, thickness: float = 1.0
+) -> None:
     """The muscle between two points [m], at the radius that belongs to their distance.
 
     Args:
         level: pressure as a part of the highest one that is shown.
+        thickness: how many times as thick as it is the muscle is drawn.
     """
     length = float(np.linalg.norm(end - begin))
-    radius = radius_at(muscle, float(muscle.initial_length) - length)
-    draw_bladder(axes, begin, end, radius, 0.6 * float(muscle.initial_radius), turns(muscle), level)
+    radius = thickness * radius_at(muscle, float(muscle.initial_length) - length)
+    ends = 0.6 * thickness * float(muscle.initial_radius)
+    draw_bladder(axes, begin, end, radius, ends, turns(muscle), level)
 
 
 def draw_bladder(
@@ -66,7 +76,7 @@ def draw_bladder(
     along, half = profile(length, radius, min(ends, radius))
     edge = np.concatenate([np.stack([along, half], 1), np.stack([along, -half], 1)[::-1]])
     place = lambda points: begin + points[:, :1] * axis + points[:, 1:] * across  # noqa: E731
-    colour = EMPTY + (FULL - EMPTY) * min(max(level, 0.0), 1.0)
+    colour = pressure_colour(level)
     axes.add_patch(
         Polygon(place(edge), closed=True, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3)
     )

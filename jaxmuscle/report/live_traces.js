@@ -1,5 +1,6 @@
-/* Charts of the traces: drag zooms, all charts share time and cursor, keys and buttons do the same.
-   Where this script does not run, and on paper, the still pictures stand in their place. */
+/* Charts of the traces: drag zooms, all charts share time and cursor; keys, buttons and fingers
+   (touch_zoom.js) do the same. Where this script does not run, and on paper, the still pictures stand in
+   their place. */
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("traces").textContent);
@@ -96,6 +97,7 @@
       if (into.clientWidth && into.clientWidth !== plot.width) plot.setSize({ width: into.clientWidth, height });
     }).observe(into);
     plot.over.addEventListener("dblclick", reset);
+    touchZoom(plot.over, () => range, show, reset);
     plots.push(plot);
   }
 

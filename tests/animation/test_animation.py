@@ -18,7 +18,9 @@ from PIL import Image
 from report.chromium import opened, read_until
 
 import jaxmuscle as jm
+from jaxmuscle.actuators import RIGS
 from jaxmuscle.actuators.elbow import Elbow
+from jaxmuscle.actuators.joint import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.animation import scene
 from jaxmuscle.animation.muscle_shape import draw_muscle, radius_at, turns
 from jaxmuscle.components import McKibben, PressureRegulator
@@ -183,6 +185,11 @@ def test_the_elbow_says_that_it_is_a_sketch() -> None:
     assert any("sketch" in label.get_text() for label in jm.draw(elbow()).axes[0].texts)
 
 
+@pytest.mark.parametrize("rig", [*RIGS, "scara"])
+def test_every_rig_of_the_package_has_a_scene(rig: str) -> None:
+    assert scene.dispatch(RIGS[rig]) is not scene.dispatch(object)
+
+
 def test_a_rig_of_ones_own_takes_a_scene() -> None:
     class Own(jm.actuators.Isotonic):
         rig = "own lift"
@@ -192,16 +199,46 @@ def test_a_rig_of_ones_own_takes_a_scene() -> None:
     assert scene(own).motion == "position"  # that of the rig it extends
 
 
+def _made(kind: Any) -> Any:
+    """A class whose fields' converters type checkers do not see."""
+    return kind
+
+
+def unseen() -> Any:
+    """A rig that stands between two that have a scene and has none."""
+
+    class Unseen(AbstractMuscleJoints):
+        rig = "unseen"
+        variables = muscle_joints(("command_1",), ("pressure_1",), ("angle",))
+        available = frozenset[str]()
+
+        regulator: PressureRegulator
+        muscle: McKibben
+        sprocket_radius: Any
+        initial_contraction: Any
+        ambient_pressure: Any = 101325.0
+        effects: Any = None
+
+        def signals(self, state: Any, held: Any) -> Any:
+            raise NotImplementedError
+
+        def vector_field(self, state: Any, held: Any) -> Any:
+            raise NotImplementedError
+
+    joint, made = jm.robot.robot_joint(inertia=0.64), _made(Unseen)
+    return made(joint.regulator, joint.muscle, joint.sprocket_radius, joint.initial_contraction)
+
+
 def test_what_cannot_be_shown_is_told() -> None:
     recording = short("lift")
-    with pytest.raises(InputError, match="nothing is said of how rig 'scara' looks; known: .*Isotonic"):
-        jm.draw(jm.robot.robot())
+    with pytest.raises(InputError, match="nothing is said of how rig 'unseen' looks; known: .*Isotonic"):
+        jm.draw(unseen())
     with pytest.raises(InputError, match="expected a recording or a simulation; got str"):
         jm.animate("lift.csv")  # pyright: ignore[reportArgumentType]
     simulation = jm.simulate(jm.actuator(recording.card), recording)
     with pytest.raises(InputError, match="does not hold its machine"):
         jm.animate(simulation)
-    with pytest.raises(InputError, match="no angle, pressure_1, pressure_2"):
+    with pytest.raises(InputError, match=r"no angle, pressure_1, pressure_2.*Is it a run of this machine\?"):
         jm.animate(simulation, jm.robot.robot_joint(inertia=0.64))
     bench = short("bench")
     driven = jm.actuator(bench.card)

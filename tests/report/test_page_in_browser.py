@@ -1,6 +1,9 @@
-"""The report in Chromium: zoom by drag, keys and buttons, one cursor, paper, dark, narrow, no scripts."""
+"""The report in Chromium: zoom by drag, keys, buttons, fingers; cursor, paper, dark, narrow, no scripts."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,6 +89,92 @@ def test_buttons_do_the_same(report: Path) -> None:
         assert 0.7 * WHOLE[1] < low < high <= WHOLE[1]
         whole.click()
         assert shown.evaluate(RANGE) == pytest.approx(WHOLE)
+
+
+@contextmanager
+def on_a_phone(file: Path) -> Iterator[tuple[Any, "Fingers"]]:
+    """The page under fingers on its first chart."""
+    with opened(file, viewport={"width": 400, "height": 800}, has_touch=True, is_mobile=True) as shown:
+        area = shown.locator(".u-over").first
+        area.scroll_into_view_if_needed()
+        yield shown, Fingers(shown, area.bounding_box())
+
+
+class Fingers:
+    """Fingers on a chart; places are parts of its width, heights are pixels below its top."""
+
+    def __init__(self, shown: Any, box: dict[str, float]) -> None:
+        self.shown, self.box = shown, box
+        self.session = shown.context.new_cdp_session(shown)
+
+    def send(self, kind: str, *places: tuple[float, float]) -> None:
+        """A touch event of the browser's own kind."""
+        points = [
+            {"x": self.box["x"] + x * self.box["width"], "y": self.box["y"] + y, "id": i}
+            for i, (x, y) in enumerate(places)
+        ]
+        self.session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        self.shown.wait_for_timeout(20)
+
+    def move(self, begin: list[tuple[float, float]], end: list[tuple[float, float]], steps: int = 8) -> None:
+        """Put fingers down, move them in a straight line and lift them."""
+        for count in range(1, len(begin) + 1):
+            self.send("touchStart", *begin[:count])
+        for step in range(1, steps + 1):
+            part = step / steps
+            self.send("touchMove", *(
+                (x + part * (u - x), y + part * (v - y)) for (x, y), (u, v) in zip(begin, end, strict=True)
+            ))  # fmt: skip
+        self.send("touchEnd")
+
+
+def test_two_fingers_zoom_all_charts_and_one_moves_them(report: Path) -> None:
+    with on_a_phone(report) as (shown, fingers):
+        at, height = shown.evaluate("() => scrollY"), 100
+        fingers.move([(0.4, height), (0.6, height)], [(0.2, height), (0.8, height)])
+        # What was under the fingers is still under them: a third of the time, about its middle.
+        zoomed = shown.evaluate(RANGE)
+        assert zoomed == pytest.approx([WHOLE[1] / 3, 2 * WHOLE[1] / 3], rel=0.02)
+        assert shown.evaluate(SCALES) == [pytest.approx(zoomed)] * 4
+        fingers.move([(0.7, height)], [(0.3, height)])
+        moved = shown.evaluate(RANGE)
+        assert moved == pytest.approx([x + 0.4 * WHOLE[1] / 3 for x in zoomed], rel=0.02)
+        assert shown.evaluate(SCALES) == [pytest.approx(moved)] * 4
+        # Fingers that lie above each other zoom too, and the page stays where it is.
+        fingers.move([(0.5, 80), (0.5, 140)], [(0.5, 95), (0.5, 125)])
+        low, high = shown.evaluate(RANGE)
+        assert high - low == pytest.approx(2 * WHOLE[1] / 3, rel=0.02)
+        # No further out than the whole.
+        fingers.move([(0.3, height), (0.7, height)], [(0.49, height), (0.51, height)])
+        assert shown.evaluate(RANGE) == pytest.approx(WHOLE)
+        assert shown.evaluate("() => [scrollY, visualViewport.scale]") == [at, 1]
+
+
+def test_a_finger_up_or_down_a_chart_scrolls_the_page(report: Path) -> None:
+    with on_a_phone(report) as (shown, fingers):
+        fingers.move([(0.4, 100), (0.6, 100)], [(0.3, 100), (0.7, 100)])
+        zoomed, at = shown.evaluate(RANGE), shown.evaluate("() => scrollY")
+        fingers.move([(0.5, 180)], [(0.52, 40)])
+        scrolled = read_until(shown, "() => scrollY", lambda now: now > at + 100)
+        assert scrolled > at + 100
+        assert shown.evaluate(RANGE) == zoomed
+
+
+def test_a_double_tap_shows_all_and_a_tap_reads_values(report: Path) -> None:
+    with on_a_phone(report) as (shown, fingers):
+        fingers.move([(0.4, 100), (0.6, 100)], [(0.2, 100), (0.8, 100)])
+        zoomed = shown.evaluate(RANGE)
+        assert zoomed != pytest.approx(WHOLE)
+        x, y = fingers.box["x"] + 0.5 * fingers.box["width"], fingers.box["y"] + 100
+        shown.touchscreen.tap(x, y)
+        under_finger = "() => window.jaxmuscle.plots().map(p => p.data[0][p.cursor.idx] ?? -1)"
+        middle = pytest.approx([sum(zoomed) / 2] * 4, abs=0.05)
+        assert read_until(shown, under_finger, lambda now: now == middle) == middle
+        shown.wait_for_timeout(500)
+        assert shown.evaluate(RANGE) == zoomed
+        shown.touchscreen.tap(x, y)
+        shown.touchscreen.tap(x, y)
+        assert read_until(shown, RANGE, lambda now: now == pytest.approx(WHOLE)) == pytest.approx(WHOLE)
 
 
 def test_a_phone_needs_no_sideways_scrolling(report: Path) -> None:
