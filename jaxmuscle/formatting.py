@@ -95,6 +95,14 @@ def quantity(value: float, unit: str, digits: int = 2) -> str:
     return join(rounded(value / size, digits), name)
 
 
+def declared(value: float, unit: str) -> str:
+    """A value in SI `unit` that somebody gave, no estimate: six digits, without zeros at its end."""
+    size, name = printed_unit(unit, value)
+    number, power, exponent = rounded(value / size, 6).partition("·")
+    shown = number.rstrip("0").rstrip(".") if "." in number else number
+    return join(f"{shown}{power}{exponent}", name)
+
+
 def estimate(value: float, std: float, unit: str) -> str:
     """A value and its standard deviation in SI `unit`, printed in a unit of the right size."""
     known = math.isfinite(std) and std > 0

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError, Problems, nearest
+from jaxmuscle.errors import InputError, Problems
+from jaxmuscle.parameter_names import resolve, spelled
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.clocks import holds_stamps
@@ -150,18 +151,18 @@ def draft_card(table: Table, rig: Rig, settings: Sequence[str] = ()) -> Draft:
     guesses = guess_columns(table, rig)
     needs, columns = schema.quantities(rig), schema.columns(rig)
     entries = {name: _open_entry(name, need) for name, need in needs.items() if need.required}
+    names = spelled({**{name: name for name in columns}, **rig.quantities})
     problems = Problems("--set")
     for text in settings:
         name, equals, body = (part.strip() for part in text.partition("="))
         with problems.at(text):
             if not equals or not body:
                 raise InputError(f"expected {SETTING}")
+            name = resolve(names, name, f"rig {rig.rig!r}", "has no")
             if name in columns and (name not in needs or not NUMBER.fullmatch(body.split(":")[0].strip())):
                 guesses[name] = _set_column(table, name, columns[name], guesses[name], body)
-            elif name in needs:
-                entries[name] = _set_quantity(name, needs[name], body)
             else:
-                raise InputError(f"rig {rig.rig!r} has no {name!r}{nearest(name, (*columns, *needs))}")
+                entries[name] = _set_quantity(name, needs[name], body)
     problems.check()
     return Draft(rig, guesses, entries, _hints(table, rig, guesses))
 

@@ -12,14 +12,11 @@ import jax
 import numpy as np
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.parameter_names import START, known_names, resolve
-from jaxmuscle.parameters import Parameter, parameters
+from jaxmuscle.parameter_names import COMMAND, START, resolve
+from jaxmuscle.parameters import Parameter, known_names, parameters
 from jaxmuscle.simulation import Track
 from jaxmuscle.sweeps.commands import Function
 from jaxmuscle.sweeps.scenario import Bench
-
-LOAD = "load."
-"""The load of a rig is no component of its own: its parameters stand at the machine."""
 
 
 def checked_values(parameter: Parameter, name: str, values: object) -> np.ndarray:
@@ -57,13 +54,12 @@ def swept(bench: Bench, name: str) -> Parameter:
         InputError: an unknown name; the message holds the nearest one.
     """
     known = dict(_known(bench))
-    bare = name.removeprefix(LOAD)
-    if name.startswith("command.") and name not in known and not callable(bench.command):
+    if name.startswith(COMMAND) and name not in known and not callable(bench.command):
         raise InputError(
             f"cannot sweep {name!r}: the command is a table, which has no parameters; "
             f"give a function of time, such as command=jm.commands.Sine()"
         )
-    return resolve(known, bare if name not in known and bare in known else name, "sweep")
+    return resolve(known, name, "sweep")
 
 
 def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
