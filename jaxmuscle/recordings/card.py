@@ -227,13 +227,18 @@ class Card:
             effects: effect → parameter → estimate; parameters that are not named stay as they are.
 
         Raises:
+            InputError: a name of no quantity of the rig, or two of one.
             ValueError: an estimate that could not be read back: not finite, or a standard deviation that
                 is not positive.
         """
         rig = rig_named(self.rig)
         known, uncertain, declared = dict(self.known), dict(self.uncertain), dict(self.effects)
+        named: set[str] = set()
         for written, estimate in (values or {}).items():
             name = resolve(spelled(rig.quantities), written, "card", "no quantity")
+            if name in named:
+                raise InputError(f"card: {name!r} is given twice, also as {written!r}; keep one")
+            named.add(name)
             quantity = _estimated(name, self.quantities.get(name), schema.quantities(rig), estimate)
             here, there = (known, uncertain) if quantity.std is None else (uncertain, known)
             here[name] = quantity

@@ -65,7 +65,7 @@ def swept(bench: Bench, name: str) -> Parameter:
 def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
     machine = bench.actuator
     for name, entry in known_names(machine).items():
-        yield name, _under("actuator.", entry)
+        yield name, dataclasses.replace(entry, path=f"actuator.{entry.path}")
     if isinstance(bench.command, Track):
         return
     if isinstance(bench.command, eqx.Module):
@@ -78,21 +78,18 @@ def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
         yield path, Parameter(path=path, value=value, unit=unit, meaning=f"{name} at the start")
 
 
-def _under(prefix: str, entry: Parameter) -> Parameter:
-    return dataclasses.replace(entry, path=prefix + entry.path)
-
-
 def _of_command(command: eqx.Module) -> Iterator[tuple[str, Parameter]]:
     """The parameters of a command; numbers that a user's own module holds undeclared have no unit."""
     if isinstance(command, Function):
         for name, value in command.parameters.items():
-            yield f"command.{name}", Parameter(path=f"command.parameters.{name}", value=value)
+            place = f"{COMMAND}parameters.{name}"
+            yield COMMAND + name, Parameter(path=place, name=COMMAND + name, value=value)
         return
     for name, value in vars(command).items():
         if isinstance(value, float | int | np.ndarray | jax.Array):
-            yield f"command.{name}", Parameter(path=f"command.{name}", value=value)
+            yield COMMAND + name, Parameter(path=COMMAND + name, value=value)
     for path, entry in parameters(command).items():
-        yield f"command.{path}", _under("command.", entry)
+        yield COMMAND + path, dataclasses.replace(entry, path=COMMAND + path, name=COMMAND + path)
 
 
 POINT = "point"
