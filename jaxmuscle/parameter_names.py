@@ -118,6 +118,9 @@ def resolve(known: Mapping[str, Value], name: str, where: str, unknown: str = "u
     if ends:
         return next(iter(ends.values()))
     near = closest(name, known)
+    if near is None:
+        ends = {other.rpartition(".")[2]: other for other in known}
+        near = ends.get(closest(name, ends) or "")
     said = [_printed(value) for value in ([known[near]] if near else known.values())]
     hint = f"did you mean {said[0]!r}?" if near else f"expected one of {', '.join(dict.fromkeys(said))}"
     raise UnknownNameError(f"{where}: {unknown} {name!r}; {hint if said else 'there is none'}")

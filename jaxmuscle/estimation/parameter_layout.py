@@ -242,12 +242,10 @@ def _named(known, chosen, single, given, where, read) -> dict:
     found = {}
     for written, entry in given.items():
         value = read(entry, f"{where}[{written!r}]")
+        place = resolve({**known, **single}, written, where)
         # Of an array that is given as a whole, entries that are not free may stay as they are.
-        names = (
-            [single[written]]
-            if written in single
-            else [p.name for p in expanded(known, resolve(known, written, where)) if p.name in chosen]
-        )
+        own = [place] if isinstance(place, str) else [p.name for p in expanded(known, place)]
+        names = [name for name in own if name in chosen or name in single]
         if not names:
             raise InputError(f"{where}: {written!r} is not free; add it to free= or leave it out of {where}=")
         for name in names:
