@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator
+from jaxmuscle.parameters import get
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -88,9 +89,7 @@ class Case:
     def truth(self) -> dict[str, float]:
         """Free parameter → true value."""
         machine = self.machine
-        paths = {name: machine.quantities.get(name, f"effects.{name}") for name in self.free}
-        values = jm.describe(machine)["value"]
-        return {name: float(values.loc[path]) for name, path in paths.items()}
+        return {name: float(get(machine, name)) for name in self.free}
 
 
 @functools.cache

@@ -11,6 +11,14 @@ class InputError(ValueError):
     """The user's input is at fault: the message says what was expected, what came and what to do."""
 
 
+class UnknownNameError(InputError, KeyError):
+    """There is nothing of that name; a `KeyError` too, for those who look something up by name."""
+
+    def __str__(self) -> str:
+        """The message as it is, which a `KeyError` would put in quotes."""
+        return str(self.args[0])
+
+
 class Problems:
     """The faults of one file, told together: the user mends them in one go."""
 
@@ -42,10 +50,16 @@ class Problems:
 
 def nearest(name: str, options: Iterable[str], *, all_if_none_near: bool = True) -> str:
     """The end of a message about an unknown name: the nearest option, else all of them (or nothing)."""
-    by_lower = {option.lower(): option for option in options}
-    near = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
-    if near:
-        return f"; did you mean {by_lower[near[0]]!r}?"
+    options = list(options)
+    if (near := closest(name, options)) is not None:
+        return f"; did you mean {near!r}?"
     if not all_if_none_near:
         return ""
-    return f"; expected one of {', '.join(by_lower.values())}" if by_lower else "; there is none"
+    return f"; expected one of {', '.join(options)}" if options else "; there is none"
+
+
+def closest(name: str, options: Iterable[str]) -> str | None:
+    """The option that is most like a name, if one is like it."""
+    by_lower = {option.lower(): option for option in options}
+    near = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
+    return by_lower[near[0]] if near else None

@@ -26,12 +26,28 @@ LADDERS: dict[str, tuple[tuple[float, str], ...]] = {
     "A": ((1e-3, "mA"), (1.0, "A")),
     "V": ((1e-3, "mV"), (1.0, "V")),
     "rad": ((math.radians(1.0), "°"),),
-    "rad/s": ((math.radians(1.0), "°/s"),),
+    "rad/s": ((math.radians(1.0), "°/s"), (1.0, "rad/s")),
     "rad/s^2": ((math.radians(1.0), "°/s²"),),
+    "rad/Pa": ((math.radians(1.0) / 1e5, "°/bar"),),
+    "1/Pa": ((1e-5, "1/bar"),),
+    "m/N": ((1e-6, "µm/N"), (1e-3, "mm/N"), (1.0, "m/N")),
+    "N/m": ((1.0, "N/m"), (1e3, "N/mm")),
 }
 """SI unit → (size in SI, name) of the units in which it is printed, smallest first."""
-THRESHOLDS = {"mm²": 1e-12, "m²": 1e-2, "ml": 1e-7, "m/s": 0.1, "mV": 1e-6, "V": 0.1}
-"""Magnitude (SI) from which a unit is used, where that is not its own size."""
+THRESHOLDS = {
+    "mm²": 1e-12,
+    "m²": 1e-2,
+    "ml": 1e-7,
+    "m/s": 0.1,
+    "mV": 1e-6,
+    "V": 0.1,
+    "mm/N": 1e-4,
+    "rad/s": 100.0,
+}
+"""Magnitude (SI) from which a unit is used, where that is not its own size.
+
+What turns by more than 100 rad/s is no joint but a bandwidth, which nobody gives in degrees.
+"""
 
 
 def pretty(unit: str) -> str:
@@ -93,6 +109,14 @@ def quantity(value: float, unit: str, digits: int = 2) -> str:
     """A value in SI `unit`, printed in a unit of the right size."""
     size, name = printed_unit(unit, value)
     return join(rounded(value / size, digits), name)
+
+
+def declared(value: float, unit: str) -> str:
+    """A value in SI `unit` that somebody gave, no estimate: six digits, without zeros at its end."""
+    size, name = printed_unit(unit, value)
+    number, power, exponent = rounded(value / size, 6).partition("·")
+    shown = number.rstrip("0").rstrip(".") if "." in number else number
+    return join(f"{shown}{power}{exponent}", name)
 
 
 def estimate(value: float, std: float, unit: str) -> str:

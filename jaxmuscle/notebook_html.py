@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import equinox as eqx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.decimation import extremes
-from jaxmuscle.formatting import parameter_words, quantity
+from jaxmuscle.formatting import parameter_words
 from jaxmuscle.html_template import template
 from jaxmuscle.parameters import parameters
 
 WIDTH, HEIGHT, POINTS = 190, 26, 240
 """Size of a small curve [px], and points that it is drawn with."""
-ENTRIES = 6
-"""Entries of an array that are listed; of a longer one its shape is told."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,15 +98,6 @@ def _runs(values: NDArray[np.float64], low: float, span: float) -> Iterable[str]
 def parameter_rows(model: eqx.Module) -> dict[str, tuple[str, str, str]]:
     """Path → name in words, value in a unit of the right size, and meaning of every parameter of a model."""
     return {
-        path: (parameter_words(path), _value(entry.value, entry.unit), entry.meaning)
+        path: (parameter_words(path), entry.printed, entry.meaning)
         for path, entry in parameters(model).items()
     }
-
-
-def _value(value: Any, unit: str) -> str:
-    entries = np.asarray(value)
-    if not np.issubdtype(entries.dtype, np.number):
-        return str(value)
-    if entries.size > ENTRIES:
-        return f"{' × '.join(map(str, entries.shape))} numbers"
-    return ", ".join(quantity(float(each), unit, 4) for each in entries.ravel())

@@ -1,31 +1,38 @@
 """Names of parameters and their paths, there and back: what cards, fits, sweeps and reports go by.
 
-A parameter of a machine goes by its card's name of it (``"end_factor"``) and by its dotted path
-(``"muscle.end_factor"``), an entry of an array by the indices behind its path
-(``"hysteresis.weights[3]"``), a parameter of an effect by its path with or without the leading ``effects.``
-(``"creep.stiffness"``). Beside the machine there are the offset of a sensor (``"offset.position"``) and a
-state at the first sample of a recording (``"start.opening"``).
+A parameter of a machine goes by its card's name of it (``"valve_area"``) and by its dotted path
+(``"valve.area"``), an entry of an array by the indices behind its path (``"hysteresis.weights[3]"``), a
+parameter of an effect by its path with or without the leading ``effects.`` (``"creep.stiffness"``), one that
+stands at the machine itself as if it stood at a load, too (``"load.mass"``). The end of a path will do where
+only one path ends so (``"area"``). Beside the machine there are the offset of a sensor
+(``"offset.position"``) and a state at the first sample of a recording (``"start.opening"``), which have no
+other name.
+
+Wherever a name is taken, each of these is right, by :func:`resolve` alone; a card, which is a file that is
+edited in place, knows its own names only, and says which. What is printed in a table is always the same
+one: the card's name, else the path. It is what an experimenter has written, it is the shortest that cannot
+be mistaken, and it can be typed into any argument as it stands. Sentences and pages put it in words
+(:func:`~jaxmuscle.formatting.parameter_words`).
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
-import equinox as eqx
-import jax.numpy as jnp
-
-from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameters import Parameter, entries_of, get, parameters
+from jaxmuscle.errors import UnknownNameError, closest
 
 EFFECTS = "effects."
+LOAD = "load."
+"""The load of a rig is no component of its own: its parameters stand at the machine."""
 OFFSET = "offset."
 """Prefix of the constant that a sensor adds to its column."""
 CONSTANT = "constant:"
 """What results put before the name of a quantity of the card that is found to be wrong."""
 START = "start."
 """Prefix of a state at the first sample of a recording."""
+COMMAND = "command."
+"""Prefix of a parameter of the command of a sweep."""
 Value = TypeVar("Value")
 
 
@@ -67,36 +74,96 @@ def card_name(quantities: Mapping[str, str], path: str) -> str:
     return next((name for name, place in quantities.items() if place == path), path)
 
 
-def known_names(machine: eqx.Module) -> dict[str, Parameter]:
-    """Every parameter of a machine, and every entry of those that are arrays, by all of its names."""
-    found: dict[str, Parameter] = {}
-    quantities = getattr(machine, "quantities", {})
-    for path, whole in parameters(machine).items():
-        for own in dict.fromkeys((path, *entries_of(path, whole.value))):
-            value, name = get(machine, own), card_name(quantities, own)
-            value = float(value) if jnp.ndim(value) == 0 else value
-            entry = dataclasses.replace(whole, path=own, name=name, value=value)
-            found[own] = found[name] = entry
-            if own.startswith(EFFECTS):
-                found.setdefault(own.removeprefix(EFFECTS), entry)
+def spelled(paths: Mapping[str, str], suffix: str = "") -> dict[str, str]:
+    """Every spelling of some parameters → the name that is printed.
+
+    Args:
+        paths: name that is printed → path.
+        suffix: what stands behind each of them, such as the recording that has it of its own.
+
+    A spelling that is right for two of them stands for the path, then for the name.
+    """
+    found: dict[str, str] = {}
+    for name, path in paths.items():
+        found.setdefault(path + suffix, name + suffix)
+    for name in paths:
+        found.setdefault(name + suffix, name + suffix)
+    for name, path in paths.items():
+        other = path.removeprefix(EFFECTS) if "." in path else LOAD + path
+        found.setdefault(other + suffix, name + suffix)
     return found
 
 
-def resolve(known: Mapping[str, Parameter], name: str, where: str) -> Parameter:
-    """What `name` stands for.
+def resolve(known: Mapping[str, Value], name: str, where: str, unknown: str = "unknown parameter") -> Value:
+    """What `name` stands for: exactly so, or as the end of a single path of the machine.
 
     Args:
-        known: name → parameter, as :func:`known_names` gives it, with what there is beside the machine.
+        known: every spelling → what it stands for, either the name that is printed or something that has it
+            as its `name`, as :func:`spelled` and :func:`~jaxmuscle.parameters.known_names` give them.
         where: the argument that the name came in, for the message.
+        unknown: what a name is that stands for nothing, for the message.
 
     Raises:
-        InputError: there is no such parameter; the message has the nearest name.
+        UnknownNameError: there is no such parameter, or there are several; the message has the name to write.
     """
     if name in known:
         return known[name]
-    raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, known)}")
+    ends = {
+        _printed(value): value
+        for other, value in known.items()
+        if other.endswith(f".{name}") and not other.startswith((OFFSET, START, COMMAND))
+    }
+    if len(ends) > 1:
+        raise UnknownNameError(f"{where}: {name!r} may be {' or '.join(map(repr, ends))}; write which")
+    if ends:
+        return next(iter(ends.values()))
+    near = closest(name, known)
+    if near is None:
+        ends = {other.rpartition(".")[2]: other for other in known}
+        near = ends.get(closest(name, ends) or "")
+    said = [_printed(value) for value in ([known[near]] if near else known.values())]
+    hint = f"did you mean {said[0]!r}?" if near else f"expected one of {', '.join(dict.fromkeys(said))}"
+    raise UnknownNameError(f"{where}: {unknown} {name!r}; {hint if said else 'there is none'}")
 
 
-def expanded(known: Mapping[str, Parameter], parameter: Parameter) -> list[Parameter]:
-    """The parameter itself, or all entries of an array."""
-    return [known[path] for path in entries_of(parameter.path, parameter.value)]
+def _printed(value: object) -> str:
+    return str(getattr(value, "name", value))
+
+
+class ByName(dict[str, Value]):
+    """Values by the names that are printed, which are its keys, found by every other spelling too.
+
+    ``fit.values["valve.area"]`` is ``fit.values["valve_area"]``; what is not there raises
+    :class:`~jaxmuscle.errors.UnknownNameError`, a `KeyError`, with the nearest name.
+    """
+
+    def __init__(self, values: Mapping[str, Value], spellings: Mapping[str, str] | None = None) -> None:
+        """Take values by name, and spelling → name of these."""
+        super().__init__(values)
+        self._spellings = dict(spellings or {})
+
+    def __missing__(self, name: str) -> Value:
+        """The value of another spelling of a key."""
+        return self[resolve(self._kept, name, "results")]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a spelling stands for a single one of the values."""
+        return self._key(name) is not None
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The value of a name, `default` without one."""
+        key = self._key(name)
+        return default if key is None else self[key]
+
+    @property
+    def _kept(self) -> dict[str, str]:
+        """Spellings of what is still here."""
+        # A view of the keys knows these alone.
+        own = {other: name for other, name in self._spellings.items() if name in self.keys()}
+        return {**own, **{name: name for name in self}}
+
+    def _key(self, name: object) -> str | None:
+        try:
+            return resolve(self._kept, name, "results") if isinstance(name, str) else None
+        except UnknownNameError:
+            return None

@@ -3,7 +3,8 @@
 Every number of a model is a float64 array leaf declared with :func:`parameter`. Nothing else in the
 package knows the concrete parameters: fitting, sweeps, cards and reports go through :func:`parameters`,
 :func:`get` and :func:`replace`, which address a leaf by its dotted path (``"muscle.end_factor"``,
-``"effects.creep.strength"``), an entry of an array by its indices (``"hysteresis.weights[3]"``).
+``"effects.creep.strength"``), an entry of an array by its indices (``"hysteresis.weights[3]"``), and either
+by any other name (:mod:`jaxmuscle.parameter_names`).
 """
 
 from __future__ import annotations
@@ -19,12 +20,16 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float
 
-from jaxmuscle.errors import InputError
+from jaxmuscle.errors import InputError, UnknownNameError
+from jaxmuscle.formatting import declared
+from jaxmuscle.parameter_names import card_name, resolve, spelled
 
 Scalar = Float[Array, ""]
 
 _REQUIRED = dataclasses.MISSING
 _INDEXED = re.compile(r"(?P<path>.+)\[(?P<index>[\d,]+)\]")
+LISTED = 6
+"""Entries of an array that are printed; of a longer one its shape is told."""
 Model = TypeVar("Model", bound=eqx.Module)
 
 
@@ -115,6 +120,18 @@ class Parameter(Declaration):
         """Of an array; empty for a number."""
         return jnp.shape(self.value)
 
+    @property
+    def printed(self) -> str:
+        """The value as people write it, in a unit of the right size: ``1.2 mm²``."""
+        entries = np.asarray(self.value)
+        if not np.issubdtype(entries.dtype, np.number):
+            return str(self.value)
+        if entries.size > LISTED:
+            return f"{' × '.join(map(str, entries.shape))} numbers"
+        # Without a rig a unit may still be a template.
+        unit = "" if "{" in self.unit else self.unit
+        return ", ".join(declared(float(each), unit) for each in entries.ravel())
+
 
 def parameters(model: eqx.Module) -> dict[str, Parameter]:
     """Every parameter of `model` by its dotted path, in the order of declaration."""
@@ -122,23 +139,65 @@ def parameters(model: eqx.Module) -> dict[str, Parameter]:
     return {entry.path: entry for entry in _walk(model, "", units)}
 
 
+def known_names(model: eqx.Module) -> dict[str, Parameter]:
+    """Every parameter of a model, and every entry of those that are arrays, by all of its names."""
+    found: dict[str, Parameter] = {}
+    quantities = getattr(model, "quantities", {})
+    for path, whole in parameters(model).items():
+        for own in dict.fromkeys((path, *entries_of(path, whole.value))):
+            value, name = get(model, own), card_name(quantities, own)
+            value = float(value) if jnp.ndim(value) == 0 else value
+            found[name] = dataclasses.replace(whole, path=own, name=name, value=value)
+    return {other: found[name] for other, name in spelled({n: p.path for n, p in found.items()}).items()}
+
+
+def expanded(known: Mapping[str, Parameter], parameter: Parameter) -> list[Parameter]:
+    """The parameter itself, or all entries of an array."""
+    return [known[path] for path in entries_of(parameter.path, parameter.value)]
+
+
 def describe(model: eqx.Module) -> pd.DataFrame:
-    """A table of every parameter of `model`: path, value, unit, meaning."""
-    rows = [(p.path, _plain(p.value), p.unit, p.meaning) for p in parameters(model).values()]
-    return pd.DataFrame(rows, columns=["path", "value", "unit", "meaning"]).set_index("path")
+    """A table of every parameter of `model`, to be read: name, value, SI unit, path, meaning.
+
+    The rows go by the card's names, by the path where cards have no name; name and path are both right in
+    every argument that takes one. `value` is a text in a unit of the right size, ``1.2 mm²``. Arguments are
+    numbers in `SI unit`; :func:`get` and :func:`parameters` give them.
+    """
+    quantities = getattr(model, "quantities", {})
+    rows = [
+        (card_name(quantities, path), entry.printed, entry.unit, path, entry.meaning)
+        for path, entry in parameters(model).items()
+    ]
+    return pd.DataFrame(rows, columns=["name", "value", "SI unit", "path", "meaning"]).set_index("name")
 
 
-def get(model: eqx.Module, path: str) -> Any:
-    """The value at a dotted path; `KeyError` names the path when there is none."""
-    leaf, index = split_index(path)
-    node: Any = model
-    for name in leaf.split("."):
-        node = _child(node, name, path)
+def get(model: eqx.Module, name: str) -> Any:
+    """The value of a parameter, or of an entry of one, by its path or any other name (SI).
+
+    Raises:
+        UnknownNameError: there is no such parameter; the message has the nearest name.
+    """
+    return _at(model, path_of(model, name, "get"))
+
+
+def path_of(model: eqx.Module, name: str, where: str) -> str:
+    """The path of what `name` stands for in a model, by :func:`~jaxmuscle.parameter_names.resolve`.
+
+    Args:
+        where: the function that the name was given to, for the message.
+    """
+    written, index = split_index(name)
+    leaf = written
+    if _at(model, leaf) is _REQUIRED:
+        quantities = getattr(model, "quantities", {})
+        paths = {card_name(quantities, path): path for path in parameters(model)}
+        leaf = paths[resolve(spelled(paths), leaf, where)]
     if index is None:
-        return node
-    if len(index) != jnp.ndim(node) or any(i >= n for i, n in zip(index, jnp.shape(node), strict=True)):
-        raise KeyError(f"no parameter {path!r}: {leaf} has shape {jnp.shape(node)}")
-    return node[index]
+        return leaf
+    shape = jnp.shape(_at(model, leaf))
+    if len(index) != len(shape) or any(i >= n for i, n in zip(index, shape, strict=True)):
+        raise UnknownNameError(f"{where}: no parameter {name!r}: {leaf} has shape {shape}")
+    return leaf + name.removeprefix(written)
 
 
 def split_index(path: str) -> tuple[str, tuple[int, ...] | None]:
@@ -157,15 +216,30 @@ def entries_of(path: str, value: Any) -> list[str]:
 
 
 def replace(model: Model, values: Mapping[str, Any]) -> Model:
-    """A copy of `model` with the leaves, or the entries of arrays, at the given dotted paths replaced."""
-    for path in values:
-        get(model, path)
-    values = _whole_leaves(model, values)
-    paths = list(values)
+    """A copy of `model` with other values of parameters, or of entries of arrays.
+
+    Args:
+        values: name → number or array, in SI. A name is a path or any other name of the parameter,
+            ``"valve.area"`` or ``"valve_area"`` (:mod:`jaxmuscle.parameter_names`).
+
+    Raises:
+        UnknownNameError: there is no such parameter; the message has the nearest name.
+        InputError: one parameter is given twice, or a text in place of a number.
+    """
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        path = path_of(model, name, "replace")
+        if path in found:
+            raise InputError(f"replace: {name!r} is given twice, also by another name; keep one")
+        if isinstance(value, str):
+            unit = parameters(model)[split_index(path)[0]].unit
+            raise InputError(f"replace: {name!r}: expected a number in SI [{unit or '1'}]; got {value!r}")
+        found[path] = value
+    whole = _whole_leaves(model, found)
     return eqx.tree_at(
-        lambda m: [get(m, path) for path in paths],
+        lambda m: [_at(m, path) for path in whole],
         model,
-        [jnp.asarray(values[path], dtype=float) for path in paths],
+        [jnp.asarray(value, dtype=float) for value in whole.values()],
     )
 
 
@@ -192,19 +266,20 @@ def declared_at(kind: type[Any], path: str) -> dataclasses.Field[Any]:
     return {field.name: field for field in dataclasses.fields(kind)}[name]
 
 
-def _child(node: Any, name: str, path: str) -> Any:
-    if isinstance(node, Mapping):
-        if name in node:
-            return node[name]
-    elif hasattr(node, name):
-        return getattr(node, name)
-    raise KeyError(f"no parameter {path!r}: {type(node).__name__} has no {name!r}")
+def _at(model: eqx.Module, path: str) -> Any:
+    """What stands at a path; `_REQUIRED` if there is nothing."""
+    leaf, index = split_index(path)
+    node: Any = model
+    for name in leaf.split("."):
+        node = node.get(name, _REQUIRED) if isinstance(node, Mapping) else getattr(node, name, _REQUIRED)
+    return node if index is None else node[index]
 
 
 def _walk(node: Any, prefix: str, units: Mapping[str, str]) -> Iterator[Parameter]:
     if isinstance(node, Mapping):
         for name, child in node.items():
-            yield from _walk(child, f"{prefix}{name}.", units)
+            if isinstance(child, eqx.Module | Mapping):
+                yield from _walk(child, f"{prefix}{name}.", units)
         return
     for field in dataclasses.fields(node):
         child = getattr(node, field.name)
@@ -229,7 +304,3 @@ def _numbers(value: Any, meaning: str, unit: str) -> Any:
     except (TypeError, ValueError, OverflowError) as error:
         wanted = f"a number or an array of numbers [{unit or '1'}]"
         raise InputError(f"{meaning}: expected {wanted}; got {type(value).__name__}: {error}") from error
-
-
-def _plain(value: Any) -> Any:
-    return float(value) if jnp.ndim(value) == 0 else value

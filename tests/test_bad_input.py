@@ -25,7 +25,8 @@ from jaxmuscle.control import PID
 from jaxmuscle.effects.names import effect_named
 from jaxmuscle.estimation.request import by_name, factors, names, read_bounds, read_prior, seconds, whole
 from jaxmuscle.files import atomic_folder, atomic_write
-from jaxmuscle.parameter_names import known_names, resolve
+from jaxmuscle.parameter_names import resolve
+from jaxmuscle.parameters import known_names
 from jaxmuscle.recordings import Card, actuator_from_card
 from jaxmuscle.recordings.column_guess import guess_rig
 from jaxmuscle.recordings.draft import draft_card

@@ -12,14 +12,12 @@ from jaxmuscle.parameter_names import (
     card_name,
     column_of_offset,
     effect_path,
-    expanded,
-    known_names,
     of_effect,
     of_machine,
     resolve,
     split_effect,
 )
-from jaxmuscle.parameters import get, parameter, parameters
+from jaxmuscle.parameters import expanded, get, known_names, parameter, parameters
 from jaxmuscle.recordings import Card
 from jaxmuscle.samples import sample
 from jaxmuscle.sweeps.operating_points import swept
@@ -94,7 +92,7 @@ def test_a_wrong_name_is_told_with_the_nearest_one():
 def test_a_sweep_knows_what_a_fit_knows(name):
     machine = FULL["isotonic"]
     found = swept(bench_of(machine, {}, jm.commands.Sine(), None, {}), name)
-    known = known_names(machine)[name.removeprefix("load.")]
+    known = resolve(known_names(machine), name, "fit")
     assert found.path == f"actuator.{known.path}" and found.name == known.name and found.unit == known.unit
 
 

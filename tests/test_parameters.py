@@ -83,9 +83,9 @@ def test_values_are_double_precision_arrays():
 
 def test_describe_is_a_table_by_path():
     table = describe(whole())
-    assert list(table.columns) == ["value", "unit", "meaning"]
-    assert table.loc["parts.left.size", "value"] == 2.0
-    assert table.loc["load", "unit"] == "N m/s"
+    assert list(table.columns) == ["value", "SI unit", "path", "meaning"] and table.index.name == "name"
+    assert table.loc["parts.left.size", "value"] == "2 m"
+    assert table.loc["load", "SI unit"] == "N m/s"
 
 
 def test_replace_leaves_the_original_alone():

@@ -18,6 +18,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.cli.option_values import Unit, numbers_of, split_option
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import atomic_write, check_place
+from jaxmuscle.parameter_names import COMMAND
 from jaxmuscle.parameters import Parameter, get, replace
 from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
@@ -25,7 +26,7 @@ from jaxmuscle.report.sweep_figure import Written, draw_sweep
 from jaxmuscle.sweeps import FailedPoints, sweep
 from jaxmuscle.sweeps.commands import COMMANDS
 from jaxmuscle.sweeps.operating_points import checked_values, swept
-from jaxmuscle.sweeps.scenario import PREFIX, Bench, bench_of
+from jaxmuscle.sweeps.scenario import Bench, bench_of
 
 LOGARITHMIC = "log"
 OVER = "NAME=FROM:TO:N[:log][:UNIT] or NAME=VALUE,VALUE,…[:UNIT]"
@@ -56,7 +57,7 @@ def commanded(card: Card, actuator: AbstractActuator, command: str, settings: Se
         numbers, rest = numbers_of(body.split(":")[0], text, SET), body.split(":")[1:]
         values = _unit(rest, card, name, leaf, text, SET).to_si(numbers)
         # A command may differ from muscle to muscle.
-        each = name.startswith(PREFIX) and len(values) == len(actuator.commands)
+        each = name.startswith(COMMAND) and len(values) == len(actuator.commands)
         shape = np.shape(get(bench, leaf.path)) if len(values) == 1 and not each else values.shape
         if len(values) > 1 and not each:
             raise InputError(f"--set {text}: expected {SET}, one value; got {len(values)}")

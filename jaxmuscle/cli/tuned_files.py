@@ -17,8 +17,8 @@ from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
 from jaxmuscle.control import closed_loop, feedback_on
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameter_names import known_names, resolve
-from jaxmuscle.parameters import Parameter
+from jaxmuscle.parameter_names import resolve
+from jaxmuscle.parameters import Parameter, known_names
 from jaxmuscle.progress import interruptible
 from jaxmuscle.recordings.card import Card, actuator_from_card
 from jaxmuscle.recordings.read import table_name

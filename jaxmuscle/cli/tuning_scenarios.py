@@ -14,8 +14,8 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control import Reference
 from jaxmuscle.errors import InputError
 from jaxmuscle.formatting import quantity
-from jaxmuscle.parameter_names import known_names, resolve
-from jaxmuscle.parameters import Parameter
+from jaxmuscle.parameter_names import resolve
+from jaxmuscle.parameters import Parameter, known_names
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.tuning import Scenario
 from jaxmuscle.units import Series

@@ -13,6 +13,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
 from jaxmuscle.effects.base import VARIABLE
 from jaxmuscle.estimation.fit import FitResult
+from jaxmuscle.parameter_names import ByName, effect_path, spelled
 from jaxmuscle.recordings.recording import Recording
 
 Series = NDArray[np.float64]
@@ -59,9 +60,11 @@ class FoundEffect:
         return self.declared is not None
 
     def __post_init__(self) -> None:
-        """Without another kind it is of that of its name."""
+        """Without another kind it is of that of its name; parameters are found by every name of theirs."""
         if not self.kind:
             object.__setattr__(self, "kind", self.name)
+        spellings = spelled({name: effect_path(self.name, name) for name in self.parameters})
+        object.__setattr__(self, "parameters", ByName(self.parameters, spellings))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,7 +186,8 @@ class DiagnosisData:
             say here. A constant of the card that was found has no prior: name it in `free`, with
             ``priors={name: None}``.
         before, after: "training" and "held_out" → column → error.
-        parameters: card name or path of every fitted parameter of `model`.
+        parameters: card name, else path, of every fitted parameter of `model` → value; found by every
+            spelling of a name (:class:`~jaxmuscle.parameter_names.ByName`).
         correlations: between those parameters.
     """
 
@@ -214,6 +218,12 @@ class DiagnosisData:
     converged: bool
     seconds: float
     settings: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        """Let parameters be found by every name of theirs."""
+        quantities = self.model.quantities
+        spellings = spelled({name: quantities.get(name, name) for name in self.parameters})
+        object.__setattr__(self, "parameters", ByName(self.parameters, spellings))
 
     @property
     def added(self) -> tuple[FoundEffect, ...]:

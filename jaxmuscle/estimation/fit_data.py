@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from jaxmuscle.estimation.multistart import Found
 from jaxmuscle.estimation.nonsmooth import RoughWindow
 from jaxmuscle.estimation.residual_analysis import ResidualTest
 from jaxmuscle.optimization.levenberg_marquardt import FAILED, Lane
+from jaxmuscle.parameter_names import ByName, Value, spelled
 from jaxmuscle.parameters import Declaration
 from jaxmuscle.recordings.card import Card
 
@@ -29,7 +30,8 @@ class FitData:
 
     Attributes:
         actuator: the fitted machine, in the first recording; `actuators` in each.
-        parameters: name → fitted value.
+        parameters: name → fitted value. These, `values` and `std` are found by every spelling of a name
+            (:class:`~jaxmuscle.parameter_names.ByName`); the tables go by the names that are printed.
         correlations: between the parameters, by the rule for coloured residuals (`Fitted.coloured`),
             whichever of the rules gave `std`; those at a bound have none.
         cost: loss of all weighted residuals and priors.
@@ -67,15 +69,26 @@ class FitData:
     seconds: float
     rough: tuple[RoughWindow, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Let parameters be found by every name of theirs."""
+        object.__setattr__(self, "parameters", self._by_name(self.parameters))
+
+    def _by_name(self, values: Mapping[str, Value]) -> ByName[Value]:
+        spellings: dict[str, str] = {}
+        for name, fitted in self.parameters.items():
+            own = "" if fitted.recording is None else f"[{fitted.recording}]"
+            spellings |= spelled({name.removesuffix(own): fitted.path}, own)
+        return ByName(values, spellings)
+
     @property
     def values(self) -> dict[str, float]:
         """Name → fitted value (SI)."""
-        return {name: fitted.value for name, fitted in self.parameters.items()}
+        return self._by_name({name: fitted.value for name, fitted in self.parameters.items()})
 
     @property
     def std(self) -> dict[str, float]:
         """Name → standard deviation (SI)."""
-        return {name: fitted.std for name, fitted in self.parameters.items()}
+        return self._by_name({name: fitted.std for name, fitted in self.parameters.items()})
 
     @property
     def covariance(self) -> pd.DataFrame:

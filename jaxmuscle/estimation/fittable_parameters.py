@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.effects.readings import measured_columns
-from jaxmuscle.parameter_names import OFFSET, START, known_names
-from jaxmuscle.parameters import Parameter, entries_of
+from jaxmuscle.parameter_names import OFFSET, START
+from jaxmuscle.parameters import Parameter, entries_of, known_names
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, start_at_rest
 from jaxmuscle.simulation.sensor_errors import true_track

@@ -4,6 +4,7 @@ agree.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -15,8 +16,8 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.fittable_parameters import fittable, range_of, start_places
 from jaxmuscle.estimation.free_parameters import HALF, Prior, Unknown, Unknowns
 from jaxmuscle.estimation.request import Asked, Bounds, read_bounds, read_prior
-from jaxmuscle.parameter_names import START, expanded, of_machine, resolve
-from jaxmuscle.parameters import Parameter, replace
+from jaxmuscle.parameter_names import START, of_machine, resolve, spelled
+from jaxmuscle.parameters import Parameter, expanded, replace
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.joining import distinct
 from jaxmuscle.recordings.recording import Recording
@@ -182,7 +183,9 @@ def layout(
     # Recordings begin each in its own way: an initial state is shared only where that is asked for.
     own |= {n: p for n, p in chosen.items() if p.path.startswith(START) and n not in shared}
     many = len(recordings) > 1
-    single = {f"{name}[{label}]" for name in own for label in labels} if many else set()
+    single: dict[str, str] = {}
+    for name, label in itertools.product(own if many else (), labels):
+        single |= spelled({name: own[name].path}, f"[{label}]")
     priors = _named(known, chosen, single, asked.priors, "priors", read_prior)
     bounds = _named(known, chosen, single, asked.bounds, "bounds", read_bounds)
     entries = []
@@ -234,16 +237,15 @@ def _named(known, chosen, single, given, where, read) -> dict:
     """Entries of `given` by the names of their places, each read; they must be free, and given once.
 
     Args:
-        single: names of what a single recording has of its own, ``mass[lift-2]``; they stay as they are.
+        single: spelling → name of what a single recording has of its own, ``mass[lift-2]``.
     """
     found = {}
     for written, entry in given.items():
         value = read(entry, f"{where}[{written!r}]")
-        if written in single:
-            found[written] = value
-            continue
+        place = resolve({**known, **single}, written, where)
         # Of an array that is given as a whole, entries that are not free may stay as they are.
-        names = [p.name for p in expanded(known, resolve(known, written, where)) if p.name in chosen]
+        own = [place] if isinstance(place, str) else [p.name for p in expanded(known, place)]
+        names = [name for name in own if name in chosen or name in single]
         if not names:
             raise InputError(f"{where}: {written!r} is not free; add it to free= or leave it out of {where}=")
         for name in names:

@@ -24,7 +24,8 @@ from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.parameter_layout import check_same_rig, conditions, known_places, labels, layout
 from jaxmuscle.estimation.request import Asked, PriorLike
 from jaxmuscle.estimation.starting_points import given_starts, spread_starts
-from jaxmuscle.parameter_names import expanded, resolve
+from jaxmuscle.parameter_names import resolve
+from jaxmuscle.parameters import expanded
 from jaxmuscle.recordings.recording import Recording
 
 ESTIMATED, DISCREPANCY = "estimated", "discrepancy"

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
-from jaxmuscle.parameter_names import EFFECTS
+from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.free_parameters import Unknowns
+from jaxmuscle.parameter_names import resolve, spelled
 
 INSIDE = 1e-3
 """Distance from a bound at which a start lies at least, in units of the scale."""
@@ -76,16 +76,12 @@ def given_starts(
 
 def _positions(unknowns: Unknowns, name: str, where: str) -> list[int]:
     """Where a name stands in the vector: its own name, or that of a place in every recording."""
-
-    def names(entry: Unknown) -> tuple[str, ...]:
-        place = entry.place
-        return entry.name, place.name, place.path, place.path.removeprefix(EFFECTS)
-
-    known = [names(entry) for entry in unknowns.entries]
-    found = [i for i, own in enumerate(known) if name in own]
-    if not found:
-        raise InputError(f"{where}: {name!r} is not free{nearest(name, sum(known, ()))}")
-    return found
+    known: dict[str, str] = {}
+    for entry in unknowns.entries:
+        place = {entry.place.name: entry.place.path}
+        known |= spelled(place) | spelled(place, entry.name.removeprefix(entry.place.name))
+    found = resolve(known, name, where, "nothing free is called")
+    return [i for i, entry in enumerate(unknowns.entries) if found in (entry.name, entry.place.name)]
 
 
 def _within(unknowns: Unknowns, points: NDArray[np.float64]) -> NDArray[np.float64]:

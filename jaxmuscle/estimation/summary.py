@@ -81,8 +81,7 @@ def _against_priors(result: FitData) -> list[str]:
     found = []
     for name, fitted in result.parameters.items():
         if fitted.prior is not None and fitted.conflict:
-            mean, std = fitted.prior
-            prior = f"{mean:g} ± {std:g} {fitted.unit}".rstrip()
+            prior = estimate(*fitted.prior, fitted.unit)
             found.append(
                 f"By the data {name} is {fitted.conflict:.1f} standard deviations away from its prior "
                 f"({prior}): the prior, its unit or the model is wrong."

@@ -21,7 +21,7 @@ from jaxmuscle.effects import is_registered
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.files import existing_file, file_content
-from jaxmuscle.parameter_names import effect_path
+from jaxmuscle.parameter_names import effect_path, resolve, spelled
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, written_row_span
 from jaxmuscle.recordings.card_sections import read_sections
@@ -237,17 +237,23 @@ class Card:
         """A copy with new values for quantities and for parameters of effects, declared before or not.
 
         Args:
-            values: quantity of the card → estimate (SI, pressures absolute). With a standard deviation
-                it becomes uncertain, without one it becomes known.
+            values: quantity of the card, by any of its names → estimate (SI, pressures absolute). With a
+                standard deviation it becomes uncertain, without one it becomes known.
             effects: effect → parameter → estimate; parameters that are not named stay as they are.
 
         Raises:
+            InputError: a name of no quantity of the rig, or two of one.
             ValueError: an estimate that could not be read back: not finite, or a standard deviation that
                 is not positive.
         """
         rig = rig_named(self.rig)
         known, uncertain, declared = dict(self.known), dict(self.uncertain), dict(self.effects)
-        for name, estimate in (values or {}).items():
+        named: set[str] = set()
+        for written, estimate in (values or {}).items():
+            name = resolve(spelled(rig.quantities), written, "card", "no quantity")
+            if name in named:
+                raise InputError(f"card: {name!r} is given twice, also as {written!r}; keep one")
+            named.add(name)
             quantity = _estimated(name, self.quantities.get(name), schema.quantities(rig), estimate)
             here, there = (known, uncertain) if quantity.std is None else (uncertain, known)
             here[name] = quantity

@@ -8,7 +8,8 @@ from typing import Any
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import effect_named, names_on
-from jaxmuscle.errors import InputError, Problems, nearest
+from jaxmuscle.errors import InputError, Problems, UnknownNameError, nearest
+from jaxmuscle.parameter_names import EFFECTS, resolve, spelled, split_effect
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, read_row_span
 from jaxmuscle.recordings.data_sheets import PARTS, sheet_quantities
@@ -90,6 +91,41 @@ def _unknown(given: Iterable[str], known: Iterable[str], where: str, problems: P
             problems.add(where, f"unknown {name!r}{nearest(name, known)}")
 
 
+def _misnamed(
+    entries: Mapping[str, Any], needs: Mapping[str, Need], rig: Rig, section: str, problems: Problems
+) -> set[str]:
+    """Note what is no quantity of the rig; returns those that are meant by another name of theirs.
+
+    A card is edited in place, entry by entry, so that each stands under one name there.
+    """
+    found: set[str] = set()
+    for name in (name for name in entries if name not in needs):
+        written = _dotted(name, entries[name])
+        effect, parameter = split_effect(written if written.startswith(EFFECTS) else EFFECTS + written)
+        if effect is not None and parameter and effect in names_on(rig):
+            place = f"a parameter of an effect; write {parameter} = … in [effects.{effect}]"
+            problems.add(f"[{section}]", f"{written!r} is {place}")
+            continue
+        try:
+            quantity = resolve(spelled(rig.quantities), written, f"[{section}]", "unknown")
+        except UnknownNameError as error:
+            problems.found.append(str(error))
+        else:
+            found.add(quantity)
+            problems.add(f"[{section}]", f"{written!r} is {quantity!r} on a card; write {quantity} = …")
+    return found
+
+
+def _dotted(name: str, entry: object) -> str:
+    """The name of an entry whose key has dots, which TOML reads as tables within each other."""
+    while isinstance(entry, Mapping) and len(entry) == 1:
+        ((key, inner),) = entry.items()
+        if not isinstance(inner, Mapping):
+            break
+        name, entry = f"{name}.{key}", inner
+    return name
+
+
 def _missing(needs: Iterable[tuple[str, Need]], first: str, where: str, problems: Problems) -> None:
     lines = [f"\n      {name} = {example(need, first)}  # {need.meaning}" for name, need in needs]
     if lines:
@@ -141,10 +177,11 @@ def _quantities(
     """
     needs = schema.quantities(rig)
     given = {"known": known, "uncertain": uncertain}
+    meant: set[str] = set()
     for section, entries in given.items():
-        _unknown(entries, needs, f"[{section}]", problems)
-    given_or_taken = {**known, **uncertain, **sheets}
-    absent = [(name, need) for name, need in needs.items() if need.required and name not in given_or_taken]
+        meant |= _misnamed(entries, needs, rig, section, problems)
+    there = {*known, *uncertain, *sheets, *meant}
+    absent = [(n, need) for n, need in needs.items() if need.required and n not in there]
     _missing(absent, "value = …", "[known]", problems)
     for name in (name for name in known if name in uncertain):
         problems.add(f"[known] {name}", "also given in [uncertain]; remove one of the two")

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxmuscle.errors import InputError, Problems, nearest
+from jaxmuscle.errors import InputError, Problems
+from jaxmuscle.parameter_names import resolve, spelled
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.clocks import holds_stamps
@@ -193,23 +194,21 @@ def draft_card(table: Table, rig: Rig, settings: Sequence[str] = ()) -> Draft:
     entries = {name: _open_entry(name, need) for name, need in needs.items() if need.required}
     parts: dict[str, str] = {}
     taken: dict[str, Quantity] = {}
+    names = spelled({**{name: name for name in (*columns, *PARTS)}, **rig.quantities})
     problems = Problems("--set")
     for text in settings:
         name, equals, body = (part.strip() for part in text.partition("="))
         with problems.at(text):
             if not equals or not body:
                 raise InputError(f"expected {SETTING}")
+            name = resolve(names, name, f"rig {rig.rig!r}", "has no")
             if name in columns and (name not in needs or not NUMBER.fullmatch(body.split(":")[0].strip())):
                 guesses[name] = _set_column(table, name, columns[name], guesses[name], body)
-            elif name in needs:
-                entries[name] = _set_quantity(name, needs[name], body)
             elif name in PARTS:
                 taken |= sheet_quantities(rig, name, body)
                 parts[name] = body
             else:
-                raise InputError(
-                    f"rig {rig.rig!r} has no {name!r}{nearest(name, (*columns, *needs, *PARTS))}"
-                )
+                entries[name] = _set_quantity(name, needs[name], body)
     problems.check()
     taken = {name: q for name, q in taken.items() if OPEN in entries.get(name, {"value": OPEN}).values()}
     entries = {name: entry for name, entry in entries.items() if name not in taken}

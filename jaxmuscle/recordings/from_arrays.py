@@ -14,7 +14,8 @@ from jaxtyping import ArrayLike
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, Problems, nearest
-from jaxmuscle.parameters import get
+from jaxmuscle.parameter_names import EFFECTS, resolve, spelled
+from jaxmuscle.parameters import get, known_names
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.data_sheets import sheet_quantities
@@ -58,7 +59,7 @@ def recording(
         horizon: length of the windows of prediction [s]; whole runs when `None`.
         breaks: rows at which a new run begins, with everything that is not measured at rest.
         name: what results call it.
-        uncertain: quantity of the card → standard deviation of what is known of it (SI).
+        uncertain: quantity of the card, by any of its names → standard deviation of what is known of it (SI).
         stretch, every: which rows to take, as of :func:`jaxmuscle.read`; what is taken of arrays of more
             than :data:`~jaxmuscle.recordings.row_selection.MOST_ROWS` rows is told by a warning.
         muscle, valve: type, such as ``"Festo DMSP-20"``, whose data sheet says how well the quantities of
@@ -78,7 +79,8 @@ def recording(
     _check_numbers(rows, step, noise or {}, horizon, breaks)
     parts = {part: kind for part, kind in (("muscle", muscle), ("valve", valve)) if kind is not None}
     card = _card(actuator, needs, dict(noise or {}), horizon, parts)
-    card = _unsure_of(card, {**_unsure_by_data_sheet(rig, parts), **(uncertain or {})})
+    unsure = {**_unsure_by_data_sheet(rig, parts), **_deviations(actuator, uncertain or {})}
+    card = _unsure_of(card, unsure)
     if all(np.isfinite(values).any() for values in arrays.values()):
         check_machine(f"recording {name!r}", rig, card, arrays, float(step))
     clock = float(step) * np.arange(rows, dtype=np.float64)
@@ -186,19 +188,33 @@ def _unsure_by_data_sheet(rig: type[AbstractActuator], parts: Mapping[str, str])
     return found
 
 
+def _deviations(actuator: AbstractActuator, uncertain: Mapping[str, float]) -> dict[str, float]:
+    """Quantity of the card → standard deviation, of what the user names in one way or another."""
+    spellings, found = spelled(actuator.quantities), {}
+    effects = [path for path in known_names(actuator) if path.startswith(EFFECTS)]
+    for written, std in uncertain.items():
+        if written in (*effects, *(path.removeprefix(EFFECTS) for path in effects)):
+            raise InputError(
+                f"uncertain: {written!r} is a parameter of an effect, and effects stand in no card of a "
+                f"recording from arrays; a fit moves it by free=[{written!r}]"
+            )
+        key = resolve(spellings, str(written), "uncertain", "unknown quantity")
+        if key in found:
+            raise InputError(f"uncertain: {key!r} is given twice, also as {written!r}; keep one")
+        if not 0 < _number(std) < math.inf:
+            raise InputError(
+                f"uncertain[{written!r}]: expected a standard deviation above zero (SI); got {std!r}"
+            )
+        found[key] = float(std)
+    return found
+
+
 def _unsure_of(card: Card, uncertain: Mapping[str, float]) -> Card:
     """The card with standard deviations of some of its known quantities.
 
     The rig need not be registered, which :meth:`Card.updated` asks for.
     """
-    for key, std in uncertain.items():
-        if key not in card.known:
-            raise InputError(f"uncertain: unknown quantity {key!r}{nearest(str(key), card.known)}")
-        if not 0 < _number(std) < math.inf:
-            raise InputError(
-                f"uncertain[{key!r}]: expected a standard deviation above zero (SI); got {std!r}"
-            )
-    unsure = {key: dataclasses.replace(card.known[key], std=float(std)) for key, std in uncertain.items()}
+    unsure = {key: dataclasses.replace(card.known[key], std=std) for key, std in uncertain.items()}
     known = {key: quantity for key, quantity in card.known.items() if key not in unsure}
     return dataclasses.replace(card, known=known, uncertain=unsure)
 

@@ -12,14 +12,11 @@ import jax
 import numpy as np
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.parameter_names import START, known_names, resolve
-from jaxmuscle.parameters import Parameter, parameters
+from jaxmuscle.parameter_names import COMMAND, START, resolve
+from jaxmuscle.parameters import Parameter, known_names, parameters
 from jaxmuscle.simulation import Track
 from jaxmuscle.sweeps.commands import Function
 from jaxmuscle.sweeps.scenario import Bench
-
-LOAD = "load."
-"""The load of a rig is no component of its own: its parameters stand at the machine."""
 
 
 def checked_values(parameter: Parameter, name: str, values: object) -> np.ndarray:
@@ -57,19 +54,18 @@ def swept(bench: Bench, name: str) -> Parameter:
         InputError: an unknown name; the message holds the nearest one.
     """
     known = dict(_known(bench))
-    bare = name.removeprefix(LOAD)
-    if name.startswith("command.") and name not in known and not callable(bench.command):
+    if name.startswith(COMMAND) and name not in known and not callable(bench.command):
         raise InputError(
             f"cannot sweep {name!r}: the command is a table, which has no parameters; "
             f"give a function of time, such as command=jm.commands.Sine()"
         )
-    return resolve(known, bare if name not in known and bare in known else name, "sweep")
+    return resolve(known, name, "sweep")
 
 
 def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
     machine = bench.actuator
     for name, entry in known_names(machine).items():
-        yield name, _under("actuator.", entry)
+        yield name, dataclasses.replace(entry, path=f"actuator.{entry.path}")
     if isinstance(bench.command, Track):
         return
     if isinstance(bench.command, eqx.Module):
@@ -82,21 +78,18 @@ def _known(bench: Bench) -> Iterator[tuple[str, Parameter]]:
         yield path, Parameter(path=path, value=value, unit=unit, meaning=f"{name} at the start")
 
 
-def _under(prefix: str, entry: Parameter) -> Parameter:
-    return dataclasses.replace(entry, path=prefix + entry.path)
-
-
 def _of_command(command: eqx.Module) -> Iterator[tuple[str, Parameter]]:
     """The parameters of a command; numbers that a user's own module holds undeclared have no unit."""
     if isinstance(command, Function):
         for name, value in command.parameters.items():
-            yield f"command.{name}", Parameter(path=f"command.parameters.{name}", value=value)
+            place = f"{COMMAND}parameters.{name}"
+            yield COMMAND + name, Parameter(path=place, name=COMMAND + name, value=value)
         return
     for name, value in vars(command).items():
         if isinstance(value, float | int | np.ndarray | jax.Array):
-            yield f"command.{name}", Parameter(path=f"command.{name}", value=value)
+            yield COMMAND + name, Parameter(path=COMMAND + name, value=value)
     for path, entry in parameters(command).items():
-        yield f"command.{path}", _under("command.", entry)
+        yield COMMAND + path, dataclasses.replace(entry, path=COMMAND + path, name=COMMAND + path)
 
 
 POINT = "point"

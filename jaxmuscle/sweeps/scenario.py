@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.parameter_names import COMMAND
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, run, start_at_rest
 from jaxmuscle.simulation.sensor_errors import true_track
@@ -84,7 +85,6 @@ class Trajectory(eqx.Module):
 
 DURATION = 2.0
 """Length of the runs when no instants are given [s]."""
-PREFIX = "command."
 
 
 def bench_of(
@@ -144,7 +144,7 @@ def _command(actuator: AbstractActuator, over: Any, command: Any, clock: np.ndar
 def _swept(over: Any) -> Iterable[str]:
     """Parameters of the command that are swept."""
     names = over if isinstance(over, Mapping) else over[0] if over else ()
-    return [name.removeprefix(PREFIX) for name in names if str(name).startswith(PREFIX)]
+    return [name.removeprefix(COMMAND) for name in names if str(name).startswith(COMMAND)]
 
 
 def _start(actuator: AbstractActuator, start: Mapping[str, Any]) -> dict[str, Array]:

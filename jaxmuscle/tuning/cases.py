@@ -20,8 +20,8 @@ from jaxmuscle.control.loop import Controller
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.control.stability_margins import machine_response
 from jaxmuscle.errors import InputError, nearest
-from jaxmuscle.parameter_names import known_names, resolve
-from jaxmuscle.parameters import get, replace, split_index
+from jaxmuscle.parameter_names import resolve
+from jaxmuscle.parameters import get, known_names, replace, split_index
 from jaxmuscle.simulation.track import sampling_step
 from jaxmuscle.tuning.scenarios import Scenario
 
@@ -167,8 +167,9 @@ def _changes(actuator: AbstractActuator, scenario: Scenario, where: str) -> dict
     known, found = known_names(actuator), {}
     for name, value in scenario.changes.items():
         place = resolve(known, name, f"{where}: changes")
-        if not (np.ndim(value) == 0 and math.isfinite(float(value))):
-            raise InputError(f"{where}: changes[{name!r}]: expected a number (SI); got {value!r}")
+        if isinstance(value, str) or not (np.ndim(value) == 0 and math.isfinite(float(value))):
+            unit = place.unit or "1"
+            raise InputError(f"{where}: changes[{name!r}]: expected a number in SI [{unit}]; got {value!r}")
         signed = place.positive or place.nonnegative
         if (signed and float(value) < 0) or (place.positive and float(value) == 0):
             least = "above zero" if place.positive else "zero or above"

@@ -14,10 +14,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
 from jaxmuscle.estimation.parameter_layout import unknown_within
 from jaxmuscle.estimation.request import Bounds, by_name, names, read_bounds
+from jaxmuscle.parameter_names import resolve, spelled
 from jaxmuscle.parameters import Parameter, entries_of, parameters
 
 SPREAD = 1.5
@@ -137,12 +138,9 @@ def _arrays(known: Known) -> list[str]:
 
 def _resolved(known: Known, name: str, where: str) -> list[str]:
     """The number of a name, or all those of an array."""
-    if name in known:
-        return [name]
-    entries = [entry for entry, (_, _, whole) in known.items() if whole == name]
-    if not entries:
-        raise InputError(f"{where}: unknown gain {name!r}{nearest(name, [*_arrays(known), *known])}")
-    return entries
+    spellings = spelled({own: own for own in (*_arrays(known), *known)})
+    found = resolve(spellings, name, where, "unknown gain")
+    return [found] if found in known else [entry for entry, (_, _, whole) in known.items() if whole == found]
 
 
 def _unknown(place: Parameter, bounds: Bounds, whole: Any) -> Unknown:

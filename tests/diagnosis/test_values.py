@@ -13,6 +13,7 @@ from oracles.recorded import clock, driven_card, driven_recording
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.conclusion import _estimates
 from jaxmuscle.diagnosis.settled_fit import SETTLED
+from jaxmuscle.parameters import get
 from jaxmuscle.report.report_files import write
 from jaxmuscle.robot import robot
 
@@ -61,8 +62,7 @@ def _recorded(rig, command, free, noise):
     table = pd.DataFrame(np.asarray(command).reshape(len(times), -1), columns=list(machine.commands))
     columns |= {name: np.asarray(table[name]) for name in machine.commands}
     found = jm.recording(machine, columns, float(times[1]), noise=levels)
-    described = jm.describe(machine)["value"]
-    values = {name: float(described.loc[machine.quantities[name]]) for name in free}
+    values = {name: float(get(machine, name)) for name in free}
     off = {name: (1.05 * value, 0.2 * abs(value)) for name, value in values.items()}
     return dataclasses.replace(found, card=found.card.updated(off, {}))
 

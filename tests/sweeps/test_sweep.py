@@ -175,7 +175,7 @@ def test_failed_points_are_told_and_marked(machine):
 
 
 REFUSED = {
-    "unknown path": ({"muscle.end_facto": [1.0]}, {}, "did you mean 'muscle.end_factor'"),
+    "unknown path": ({"muscle.end_facto": [1.0]}, {}, "did you mean 'end_factor'"),
     "unknown quantity": ({"mas": [1.0]}, {}, "did you mean 'mass'"),
     "unknown command parameter": ({"command.freq": [1.0]}, {}, "did you mean 'command.frequency'"),
     "twice": ({"mass": [1.0], "load.mass": [1.0]}, {}, "'mass' and 'load.mass' are the same"),
