@@ -94,14 +94,16 @@ def spelled(paths: Mapping[str, str], suffix: str = "") -> dict[str, str]:
     return found
 
 
-def resolve(known: Mapping[str, Value], name: str, where: str, unknown: str = "unknown parameter") -> Value:
+def resolve(
+    known: Mapping[str, Value], name: str, where: str, unknown: str = "unknown parameter {}"
+) -> Value:
     """What `name` stands for: exactly so, or as the end of a single path of the machine.
 
     Args:
         known: every spelling → what it stands for, either the name that is printed or something that has it
             as its `name`, as :func:`spelled` and :func:`~jaxmuscle.parameters.known_names` give them.
         where: the argument that the name came in, for the message.
-        unknown: what a name is that stands for nothing, for the message.
+        unknown: what is said of a name that stands for nothing, which is put in place of ``{}``.
 
     Raises:
         UnknownNameError: there is no such parameter, or there are several; the message has the name to write.
@@ -123,7 +125,7 @@ def resolve(known: Mapping[str, Value], name: str, where: str, unknown: str = "u
         near = ends.get(closest(name, ends) or "")
     said = [_printed(value) for value in ([known[near]] if near else known.values())]
     hint = f"did you mean {said[0]!r}?" if near else f"expected one of {', '.join(dict.fromkeys(said))}"
-    raise UnknownNameError(f"{where}: {unknown} {name!r}; {hint if said else 'there is none'}")
+    raise UnknownNameError(f"{where}: {unknown.format(repr(name))}; {hint if said else 'there is none'}")
 
 
 def _printed(value: object) -> str:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import pickle
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -63,7 +64,7 @@ def asked(**given):
     return layout(MACHINE, [recording()] * 2, ["a", "b"], asked_for(**given))
 
 
-def of(unknowns, name):
+def of(unknowns, name) -> Any:
     """The entry of a fit that goes by a printed name."""
     return next(entry for entry in unknowns.entries if entry.name == name)
 
@@ -93,7 +94,7 @@ VERBS = {
         == [name]
     ),
     "starts": lambda name, given, value: (
-        asked().values(jnp.asarray(begun_at(asked(), [{given: value}], 0)[0]))[asked().names.index(name)]
+        asked().values(begun_at(asked(), [{given: value}], 0)[0])[asked().names.index(name)]
         == pytest.approx(value)
     ),
     "sweep": lambda name, given, value: (
@@ -216,7 +217,7 @@ def test_values_are_numbers_in_si():
 
 
 def test_gains_go_by_the_end_of_their_path():
-    pid = jm.control.PID(proportional=2.0, integral=1.0, derivative=0.1)
+    pid = jm.control.PID(*map(jnp.asarray, (2.0, 1.0, 0.1)))
     assert gains_of(pid, ["proportional"], {"proportional": (0.0, 9.0)}).unknowns.names == ("proportional",)
     inner = jm.control.FeedForward(pid, pid)
     with pytest.raises(UnknownNameError, match="'proportional' may be 'inverse.proportional' or 'feedback"):
@@ -289,9 +290,9 @@ def test_results_by_name_are_ordinary_mappings():
 def test_describe_prints_names_and_readable_values():
     table = describe(MACHINE)
     assert list(table.columns) == ["value", "SI unit", "path", "meaning"] and table.index.name == "name"
-    assert list(table.index) == [entry.name for entry in map(known_names(MACHINE).get, parameters(MACHINE))]
+    assert list(table.index) == [known_names(MACHINE)[path].name for path in parameters(MACHINE)]
     assert list(table.loc["valve_area"])[:3] == ["1.16709 mm²", "m^2", "valve.area"]
-    shown = dict(table["value"])
+    shown: dict[str, str] = table["value"].to_dict()
     assert shown["braid_angle"] == "22°" and shown["initial_length"] == "300 mm" and shown["mass"] == "8 kg"
     assert shown["valve_time_constant"] == "7.27888 ms" and shown["supply_pressure"] == "8.01325 bar"
     assert shown["effects.load_friction.force"] == "14 N" and shown["polytropic_exponent"] == "1"
@@ -307,5 +308,5 @@ def test_describe_has_no_powers_of_ten_where_a_unit_would_do(rig):
 
 
 def test_a_controller_without_a_rig_has_no_units_in_its_values():
-    shown = describe(jm.control.PID(proportional=2.0, integral=1.5, derivative=0.0))["value"]
+    shown = describe(jm.control.PID(*map(jnp.asarray, (2.0, 1.5, 0.0))))["value"]
     assert list(shown.loc[["proportional", "integral", "derivative"]]) == ["2", "1.5", "0"]

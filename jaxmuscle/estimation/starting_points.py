@@ -80,7 +80,7 @@ def _positions(unknowns: Unknowns, name: str, where: str) -> list[int]:
     for entry in unknowns.entries:
         place = {entry.place.name: entry.place.path}
         known |= spelled(place) | spelled(place, entry.name.removeprefix(entry.place.name))
-    found = resolve(known, name, where, "nothing free is called")
+    found = resolve(known, name, where, "{} is not free")
     return [i for i, entry in enumerate(unknowns.entries) if found in (entry.name, entry.place.name)]
 
 

@@ -250,7 +250,7 @@ class Card:
         known, uncertain, declared = dict(self.known), dict(self.uncertain), dict(self.effects)
         named: set[str] = set()
         for written, estimate in (values or {}).items():
-            name = resolve(spelled(rig.quantities), written, "card", "no quantity")
+            name = resolve(spelled(rig.quantities), written, "card", "no quantity {}")
             if name in named:
                 raise InputError(f"card: {name!r} is given twice, also as {written!r}; keep one")
             named.add(name)

@@ -107,7 +107,7 @@ def _misnamed(
             problems.add(f"[{section}]", f"{written!r} is {place}")
             continue
         try:
-            quantity = resolve(spelled(rig.quantities), written, f"[{section}]", "unknown")
+            quantity = resolve(spelled(rig.quantities), written, f"[{section}]", "unknown {}")
         except UnknownNameError as error:
             problems.found.append(str(error))
         else:

@@ -201,7 +201,7 @@ def draft_card(table: Table, rig: Rig, settings: Sequence[str] = ()) -> Draft:
         with problems.at(text):
             if not equals or not body:
                 raise InputError(f"expected {SETTING}")
-            name = resolve(names, name, f"rig {rig.rig!r}", "has no")
+            name = resolve(names, name, f"rig {rig.rig!r}", "has no {}")
             if name in columns and (name not in needs or not NUMBER.fullmatch(body.split(":")[0].strip())):
                 guesses[name] = _set_column(table, name, columns[name], guesses[name], body)
             elif name in PARTS:

@@ -198,7 +198,7 @@ def _deviations(actuator: AbstractActuator, uncertain: Mapping[str, float]) -> d
                 f"uncertain: {written!r} is a parameter of an effect, and effects stand in no card of a "
                 f"recording from arrays; a fit moves it by free=[{written!r}]"
             )
-        key = resolve(spellings, str(written), "uncertain", "unknown quantity")
+        key = resolve(spellings, str(written), "uncertain", "unknown quantity {}")
         if key in found:
             raise InputError(f"uncertain: {key!r} is given twice, also as {written!r}; keep one")
         if not 0 < _number(std) < math.inf:

@@ -139,7 +139,7 @@ def _arrays(known: Known) -> list[str]:
 def _resolved(known: Known, name: str, where: str) -> list[str]:
     """The number of a name, or all those of an array."""
     spellings = spelled({own: own for own in (*_arrays(known), *known)})
-    found = resolve(spellings, name, where, "unknown gain")
+    found = resolve(spellings, name, where, "unknown gain {}")
     return [found] if found in known else [entry for entry, (_, _, whole) in known.items() if whole == found]
 
 
