@@ -31,7 +31,7 @@ from jaxmuscle.tuning.gains import gains_of
 
 TEXT = jm.sample("lift").with_suffix(".toml").read_text(encoding="utf-8")
 CARD = Card.from_toml(TEXT)
-MACHINE = jm.actuator(CARD).with_effects(load_friction=jm.effects.LoadFriction(force=14.0))
+MACHINE = jm.actuator(CARD).with_effects(load_friction=jm.effects.LoadFriction(force=jnp.asarray(14.0)))
 FREE = ["valve_area", "end_factor", "mass", "load_friction.force"]
 SPELLINGS = {
     "valve_area": ("valve_area", "valve.area", "area"),
