@@ -90,7 +90,7 @@ def test_is_fitted_and_told_in_units(recording, tmp_path):
     units = {column: noise.unit for column, noise in fit.noise["fan"].items()}
     assert units == {name: Fan.columns[name].unit for name in NOISE}
     labels = [axes.get_ylabel() for axes in fit.plot().axes]
-    for told in ("outlet [K]", "torque [N·m]", "flow [g/s]", "intake [l/min]", "speed [°/s]"):
+    for told in ("outlet [K]", "torque [N·m]", "flow [g/s]", "intake [l/min]", "speed [rad/s]"):
         assert any(label.startswith(told) for label in labels), (told, labels)
     assert eqx.tree_equal(jm.FitResult.load(fit.save(tmp_path / "fit.json")).actuator, fit.actuator)
     named = {**start_places(fan(), recording), **fittable(fan(), {})}
