@@ -201,7 +201,7 @@ def test_a_prior_in_the_wrong_unit_is_named(recording):
     (note,) = (n for n in found.notes() if "away from its prior" in n)
     assert (
         "By the data initial_radius is" in note
-        and "(7 ± 0.1 m): the prior, its unit or the model is wrong" in note
+        and "(7.00 ± 0.10 m): the prior, its unit or the model is wrong" in note
     )
     calm = fitted(recording)
     assert not any("away from its prior" in n for n in calm.notes())

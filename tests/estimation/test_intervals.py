@@ -15,6 +15,7 @@ from jaxmuscle.estimation.covariance import Minimum, covariance
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.intervals import with_conflicts, with_inner_ends
 from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.formatting import estimate
 
 
 def test_profile_of_a_nearly_linear_parameter_is_its_interval(recording, result):
@@ -163,5 +164,5 @@ def test_a_narrow_prior_that_is_wrong_is_named():
     assert not told[1.0]
     (note,) = told[12.0]
     far = float(note.removeprefix("By the data end_factor is ").split()[0])
-    assert far == pytest.approx(12.0, rel=0.1) and f"({mean:g} ± {std:g})" in note
+    assert far == pytest.approx(12.0, rel=0.1) and f"({estimate(mean, std, '')})" in note
     assert free.values["end_factor"] == pytest.approx(TRUE["end_factor"], rel=1e-3)
