@@ -60,6 +60,10 @@ class Past(eqx.Module):
     A delay that is no multiple of the sampling step gives the mean of the delayed command over the
     interval, so that the value is continuous in the delay and has a one-sided derivative at zero.
     Before row `first`, where the machine is taken to be at rest, the command was `before`.
+
+    Attributes:
+        switched: whether the command that comes late by the machine's dead time has switched within the
+            interval, where steps end at that switch (:mod:`jaxmuscle.simulation.command_switch`).
     """
 
     table: Float[Array, "samples *muscles"]
@@ -67,9 +71,20 @@ class Past(eqx.Module):
     step: Float[Array, ""]
     before: Muscles
     first: Array | int = 0
+    switched: Array | None = None
+
+    def late(self, delay: Float[Array, ""]) -> Muscles:
+        """The command in the step under way that comes late by the machine's dead time `delay` [s].
+
+        By itself, not its mean, where steps end at its switch.
+        """
+        if self.switched is None:
+            return self(delay)
+        row = self.row - jnp.floor(delay / self.step).astype(int)
+        return jnp.where(self.switched, self._at(row), self._at(row - 1))
 
     def __call__(self, delay: Float[Array, ""]) -> Muscles:
-        """The command that acts now if it comes `delay` [s] late."""
+        """The command that acts now if it comes `delay` [s] late, its mean over the interval."""
         lag = delay / self.step
         whole = jnp.floor(lag)
         part = lag - whole

@@ -31,7 +31,7 @@ class CommandDelay(AbstractStaticEffect):
 
     def value(self, signals: Signals) -> Array:
         assert signals.past is not None
-        return signals.past(self.delay) - signals.past(0.0 * self.delay)
+        return signals.past.late(self.delay) - signals.past(0.0 * self.delay)
 
 
 class ValveOffset(AbstractStaticEffect):

@@ -24,6 +24,7 @@ from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects.base import States
 from jaxmuscle.effects.chain import updated_memories
 from jaxmuscle.signals import Past
+from jaxmuscle.simulation.command_switch import switch_of
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 from jaxmuscle.simulation.sensor_errors import Readings, readings_now, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
@@ -68,18 +69,21 @@ class Interval(eqx.Module):
     widening: Array | None = None
     time: Array | None = None
 
-    def held(self, memory: States) -> Held:
-        """What stays as it is during a step."""
-        return Held(self.command, self.past, memory, self.widening, self.time)
+    def held(self, memory: States, switched: Array | None = None) -> Held:
+        """What stays as it is during a step, before or after a late command switches if that is said."""
+        past = self.past if self.past is None else dataclasses.replace(self.past, switched=switched)
+        return Held(self.command, past, memory, self.widening, self.time)
 
     def whole(self, own: State, fraction: Array | float) -> State:
         """All states, the imposed ones at a fraction of the interval."""
         path = {name: now + fraction * (self.then[name] - now) for name, now in self.now.items()}
         return {**own, **path}
 
-    def field_under(self, memory: States) -> Callable[[Any, State, Any], State]:
+    def field_under(
+        self, memory: States, switched: Array | None = None
+    ) -> Callable[[Any, State, Any], State]:
         """The vector field of the integrated states."""
-        held = self.held(memory)
+        held = self.held(memory, switched)
 
         @jax.jit  # traced once for all stages of the solver
         def field(t, own, _):
@@ -88,10 +92,12 @@ class Interval(eqx.Module):
 
         return field
 
-    def finish(self, own: State, memory: States, end: Array, size: Array) -> tuple[State, States]:
+    def finish(
+        self, own: State, memory: States, end: Array, size: Array, switched: Array | None = None
+    ) -> tuple[State, States]:
         """States and memories after a step of `size` that ended at `end`: contacts and memories act."""
         state = self.actuator.constrained(self.whole(own, end / self.step))
-        signals = sensing(self.actuator, self.actuator.signals(state, self.held(memory)))
+        signals = sensing(self.actuator, self.actuator.signals(state, self.held(memory, switched)))
         after = {name: state[name] for name in own}
         return after, updated_memories(self.actuator.effects, memory, signals, size)
 
@@ -173,7 +179,8 @@ def run(
     free = {name: value for name, value in start.state.items() if name not in imposed}
     width = track.step / substeps
     solver = method_for(actuator, start.state, free, width, method)
-    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), remade=derivatives == "any")
+    switch = switch_of(actuator, track.step, substeps, solver) if tolerance is None else None
+    plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), derivatives == "any", switch)
 
     def sample(carry: Carry, at: Sample):
         own, memory, course, loop = carry

@@ -14,12 +14,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxmuscle.simulation.command_switch import Switch
 from jaxmuscle.simulation.solvers import order, step
 
-Field = Callable[[Any], Callable[[Any, Any, Any], Any]]
-"""Memories → the vector field (time, state, nothing) → rates under them."""
-Finish = Callable[[Any, Any, Array, Array], tuple[Any, Any]]
-"""(state, memories, its time, step) → state and memories after contacts and play operators have acted."""
+Field = Callable[..., Callable[[Any, Any, Any], Any]]
+"""Memories, whether the command has switched → the field (time, state, nothing) → rates under them."""
+Finish = Callable[..., tuple[Any, Any]]
+"""(state, memories, its time, step, whether the command has switched) → state and memories after contacts and
+play operators have acted."""
 
 
 class Plan(eqx.Module):
@@ -32,6 +34,7 @@ class Plan(eqx.Module):
         tolerance: of steps under error control; `None` for fixed ones.
         rates: state → whether it is the rate of another.
         remade: whether reverse mode computes fixed steps again rather than keep what each operation gave.
+        switch: where fixed steps are laid by a switch of the command; there is one more of them.
     """
 
     solver: Any
@@ -40,27 +43,39 @@ class Plan(eqx.Module):
     tolerance: Float[Array, ""] | None
     rates: Any
     remade: bool = eqx.field(static=True, default=True)
+    switch: Switch | None = None
+
+    @property
+    def count(self) -> int | Array:
+        """Number of fixed steps between two samples."""
+        return self.substeps if self.switch is None else self.substeps + 1
+
+    def step(self, number: int | Array) -> tuple[Array, Array, Any, Array | None]:
+        """Begin and end of a fixed step [s], its method, whether the command has switched by then."""
+        if self.switch is not None:
+            return self.switch.step(jnp.asarray(number))
+        begin = number * self.width
+        return begin, begin + self.width, self.solver, None
 
 
 def in_fixed_steps(plan: Plan, field: Field, finish: Finish, state: Any, memory: Any) -> tuple[Any, Any]:
     """From a sample to the next in steps of one length."""
 
-    def substep(begin: Array, carry: tuple[Any, Any]) -> tuple[Any, Any]:
+    def substep(number: int | Array, carry: tuple[Any, Any]) -> tuple[Any, Any]:
         state, memory = carry
-        end = begin + plan.width
+        begin, end, solver, switched = plan.step(number)
         if state:
-            state, _ = step(plan.solver, field(memory), begin, end, state)
-        return finish(state, memory, end, plan.width)
+            state, _ = step(solver, field(memory, switched), begin, end, state)
+        return finish(state, memory, end, end - begin, switched)
 
     if plan.remade:
         substep = jax.checkpoint(substep, prevent_cse=False)
-    if isinstance(plan.substeps, Array):
-        onward = lambda i, carry: substep(i * plan.width, carry)  # noqa: E731
-        return jax.lax.fori_loop(0, plan.substeps, onward, (state, memory))
-    if plan.substeps == 1:
+    if isinstance(plan.count, Array):
+        return jax.lax.fori_loop(0, plan.count, substep, (state, memory))
+    if plan.count == 1:
         return substep(jnp.zeros(()), (state, memory))
-    begins = jnp.arange(plan.substeps) * plan.width
-    return jax.lax.scan(lambda carry, begin: (substep(begin, carry), None), (state, memory), begins)[0]
+    numbers = jnp.arange(plan.count)
+    return jax.lax.scan(lambda carry, number: (substep(number, carry), None), (state, memory), numbers)[0]
 
 
 SMALLEST = 2.0**-14

@@ -48,6 +48,31 @@ def test_equals_oracle(name):
     assert bench.deviation(readings["force"], force) < 1e-4
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.00637])
+def test_a_delay_between_samples_switches_the_current_where_it_does(delay):
+    """The current settles within a sample: it follows the late command, not the mean over the interval."""
+    effects = {"command_delay": {"delay": delay}}
+    current, force = jet_pipe(CARD, effects, COMMAND[:300], bench.STEPS["jet-pipe"], substeps=160)
+    actuator = bench.model("jet-pipe", CARRIED, **effects)
+    readings = bench.simulated(actuator, track(COMMAND[:300]), 2).readings
+    # With the mean over the interval the current is off by a fifth of its range at 2.5 ms.
+    assert bench.deviation(readings["current"], current) < 5e-3
+    assert bench.deviation(readings["force"], force) < 5e-3
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
+def test_slopes_by_a_delay_are_those_of_one_side(delay):
+    def readings(late):
+        actuator = bench.model("jet-pipe", CARRIED, command_delay={"delay": late})
+        out = bench.simulate(actuator, track(COMMAND[:60]), 2).readings
+        return jnp.stack([out["current"] / 0.4, out["force"] / 50.0])
+
+    at, h = jnp.asarray(delay), 1e-8
+    slope = jax.jit(jax.vmap(jax.jacfwd(readings)))(at[None])[0]
+    difference = (jax.jit(readings)(at + h) - jax.jit(readings)(at)) / h
+    np.testing.assert_allclose(slope, difference, rtol=1e-3, atol=1e-3 * float(jnp.abs(slope).max()))
+
+
 def test_the_longest_step_is_well_below_the_noise():
     actuator = bench.model("jet-pipe")
     fine = bench.simulated(actuator, track(COMMAND), 32).readings["force"]

@@ -12,10 +12,7 @@ def acting(effects, command, before, step, substeps):
     """
     command = np.asarray(command, dtype=float)
     delay = effects.get("command_delay", {}).get("delay", 0.0)
-    # The middle of a substep lies on the right side of every switch of the command.
-    late = (np.arange(len(command) * substeps) + 0.5) / substeps - delay / step
-    rows = np.maximum(late, 0.0).astype(int)
-    told = np.where((late >= 0).reshape(-1, *[1] * (command.ndim - 1)), command[rows], before)
+    told = _late(np.asarray(before, dtype=float), command, delay / step, substeps)
     if slow := effects.get("rate_limit", {}).get("inverse_rate", 0.0):
         told = limited(told, before, step / substeps / slow)
     if half := effects.get("valve_hysteresis", {}).get("half_width", 0.0):
@@ -24,6 +21,20 @@ def acting(effects, command, before, step, substeps):
     width = effects.get("dead_band", {}).get("width", 0.0)
     told = told - np.clip(told, -width, width) if width else told
     return told.tolist()
+
+
+def _late(before, command, lag, substeps):
+    """The mean over each substep of the command of `lag` samples ago, which switches once in it at most."""
+    begin = np.arange(len(command) * substeps) / substeps - lag
+    end = begin + 1 / substeps
+    past = (end - np.maximum(begin, np.floor(end))) * substeps
+    past = past.reshape(-1, *[1] * (command.ndim - 1))
+
+    def held(time):
+        first = (time < 0).reshape(past.shape)
+        return np.where(first, before, command[np.clip(np.floor(time), 0, len(command) - 1).astype(int)])
+
+    return (1 - past) * held(begin) + past * held(end)
 
 
 def limited(told, before, most):
