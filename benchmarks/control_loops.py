@@ -74,8 +74,8 @@ JOINT = Loop(
 )
 """Regulators have no supply that the model knows: the mean pressure stands for it.
 
-The size of the effort was tuned on these two plants themselves: with 1e4 Pa what was tuned spent 3 % more than
-the rule on the one with friction, without the term 9 %; the tracking errors are a quarter of the rule's then.
+The size of the effort was tuned on these two plants themselves: with 1e4 Pa what was tuned spent 3 % more
+than the rule on the one with friction, without the term 9 %, with a quarter of the rule's tracking error.
 """
 LIFT = Loop(
     rig="isotonic",
@@ -100,6 +100,6 @@ LIFT = Loop(
     drawn_factors={"mass": (1.0, 1.8), "supply_pressure": (0.75, 1.2)},
     run=_lifted,
 )
-"""The supply pressure, absolute, is multiplied; its card says 7 bar. The sizes were chosen after a look at others
-on these two plants, with models that lack the effect.
+"""The supply pressure, absolute, is multiplied; its card says 7 bar. The sizes were chosen after a look at
+others on these two plants, with models that lack the effect.
 """
