@@ -58,7 +58,7 @@ def extrapolated(folds: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def closed_on_plant(effect: str, found: Mapping[str, Mapping[str, float]]) -> list[Row]:
+def closed_on_plant(rig: str, effect: str, found: Mapping[str, Mapping[str, float]]) -> list[Row]:
     """Tracking errors on a plant with an effect that the card does not name, beside two other controllers'.
 
     `found`: "rule", "left out" (tuned on a model without the effect) and "diagnosed" → root mean square
@@ -66,23 +66,23 @@ def closed_on_plant(effect: str, found: Mapping[str, Mapping[str, float]]) -> li
     """
     own, rule = found["diagnosed"], found["rule"]
     share, effort = own["tracking"] / rule["tracking"], own["effort"] / rule["effort"]
-    against = row("Ziegler and Nichols", f"joint, hidden {effect}: tracking error tuned over by rule", "0.6",
+    against = row("Ziegler and Nichols", f"{rig}, hidden {effect}: tracking error tuned over by rule", "0.6",
                   share, share <= 0.6 and effort <= 1.0, "", "at most, with no more effort",
-                  "unseen references and payloads, on the oracle of the rig",
+                  "unseen references, payloads and supplies, on the oracle of the rig",
                   f"{share:.2f} of the error with {effort:.2f} of the effort")  # fmt: skip
     bare = found["left out"]
     without, less = own["tracking"] / bare["tracking"], own["effort"] / bare["effort"]
-    worth = row("the model without it", f"joint with hidden {effect}: tracking error tuned on the diagnosed "
+    worth = row("the model without it", f"{rig} with hidden {effect}: tracking error tuned on the diagnosed "
                 "model over tuned without the effect", "1", without, without <= 1.0, "", "not more",
                 "what closing the loop with data is worth", f"with {less:.2f} of the effort")  # fmt: skip
     return [aside({**against, "effort_over": effort}, OWN), aside({**worth, "effort_over": less}, OWN)]
 
 
-def stable_on_plants(effect: str, unstable: int, count: int) -> list[Row]:
+def stable_on_plants(rig: str, effect: str, unstable: int, count: int) -> list[Row]:
     """Drawn plants with an effect that the card does not name: how many do tuned gains leave swinging?"""
-    entry = row("every plant", f"joint, hidden {effect}: drawn plants that tuned gains leave swinging", "0",
+    entry = row("every plant", f"{rig}, hidden {effect}: drawn plants that tuned gains leave swinging", "0",
                 float(unstable), unstable == 0, "", "none",
-                f"of {count}, of other constants, payloads, mean pressures, sizes of effects")  # fmt: skip
+                f"of {count}, of other constants, payloads, pressures, sizes of effects")  # fmt: skip
     return [aside({**entry, "plants": count}, OWN)]
 
 

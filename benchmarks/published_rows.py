@@ -7,14 +7,17 @@ else is shown and not counted: checks of our own, statements in words, other rea
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import platform
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 Row = dict[str, Any]
+Sections = Mapping[str, Callable[[], Iterable[Row]]]
+"""Name of a part of a benchmark → its rows."""
 
 OWN, OTHER, WORDS, SEEN = "own check", "another reading", "in words", "seen data"
 """Why a row is shown and not counted. OWN: the number is derived, follows from what was put in, or belongs to
@@ -132,13 +135,20 @@ def counts(found: list[Row]) -> dict[str, Any]:
     return {**of(counted), "chosen": of([entry for entry in counted if "free" in entry]), "aside": beside}
 
 
-def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]]) -> int:
-    """Print the rows as they come, how many are reached and, with ``--json``, all in one line."""
+def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]] | Sections) -> int:
+    """Print the rows as they come, how many are reached and, with ``--json``, all in one line.
+
+    Of sections ``--only`` takes some.
+    """
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
+    sections = rows if isinstance(rows, Mapping) else {}
+    if sections:
+        parser.add_argument("--only", nargs="+", choices=list(sections), default=list(sections))
     arguments = parser.parse_args()
+    parts = [sections[name] for name in arguments.only] if isinstance(rows, Mapping) else [rows]
     begin, found = time.perf_counter(), []
-    for entry in rows():
+    for entry in itertools.chain.from_iterable(part() for part in parts):
         found.append(entry)
         print(line(entry), flush=True)
     counted = counts(found)

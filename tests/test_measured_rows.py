@@ -80,7 +80,7 @@ def test_gains_on_a_plant_are_counted_as_our_own_and_judged_with_their_effort(be
     rows, table = benchmark("measured_rows"), benchmark("published_rows")
     rule, own = {"tracking": 1.0, "effort": 10.0}, {"tracking": 0.5, "effort": 11.0}
     found = rows.closed_on_plant(
-        "gravity", {"rule": rule, "left out": {**own, "effort": 22.0}, "diagnosed": own}
+        "joint", "gravity", {"rule": rule, "left out": {**own, "effort": 22.0}, "diagnosed": own}
     )
     assert [entry["ok"] for entry in found] == [False, True]  # half the error, but with more effort
     assert (found[0]["effort_over"], found[1]["effort_over"]) == (1.1, 0.5)
@@ -88,12 +88,14 @@ def test_gains_on_a_plant_are_counted_as_our_own_and_judged_with_their_effort(be
         table.OWN: {"reached": 1, "of": 2}
     }
     cheaper = {**own, "effort": 10.0}
-    assert rows.closed_on_plant("gravity", {"rule": rule, "left out": own, "diagnosed": cheaper})[0]["ok"]
+    assert rows.closed_on_plant("joint", "gravity", {"rule": rule, "left out": own, "diagnosed": cheaper})[0][
+        "ok"
+    ]
 
 
 @pytest.mark.parametrize(("unstable", "ok"), [(0, True), (1, False)])
 def test_gains_must_leave_no_drawn_plant_swinging(benchmark, unstable, ok):
-    (entry,) = benchmark("measured_rows").stable_on_plants("gravity", unstable, 100)
+    (entry,) = benchmark("measured_rows").stable_on_plants("joint", "gravity", unstable, 100)
     assert entry["ok"] == ok and entry["plants"] == 100 and "of 100" in entry["reason"]
 
 

@@ -242,6 +242,7 @@ class JetPipePiston(AbstractJetPipe):
         "position velocity slip force".split()
     )
     largest_step: ClassVar = 2.5e-4
+    channel: ClassVar = ControlChannel("force", "A")
 
     driver: CurrentDriver
     pipe: JetPipe
@@ -275,6 +276,12 @@ class JetPipePiston(AbstractJetPipe):
 
     def resting_command(self, measured: Mapping[str, Array]) -> Array:
         return jnp.stack([jnp.zeros(()), self.receiver.supply_pressure])
+
+    def actuation(self) -> Actuation:
+        """Undo gain and offset of the driver, as of rig `jet-pipe`; the supply pressure stays."""
+        limit, supply = jnp.full(2, jnp.inf), self.receiver.supply_pressure
+        rest = jnp.stack([-self.driver.offset / self.driver.gain, supply])
+        return Actuation(rest, jnp.stack([1 / self.driver.gain, jnp.zeros(())]), -limit, limit)
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}

@@ -77,6 +77,19 @@ class Attached(eqx.Module):
             after = self.controller.without_windup(state, after, output, *self._limits)
         return after, jnp.clip(self.rest + self.direction * output, self.lowest, self.highest)
 
+    def on(self, before: AbstractActuator, machine: AbstractActuator) -> Attached:
+        """The same on a machine that had the parameters of `before`.
+
+        Commands that no output moves, such as a supply pressure that is one of them, are no part of the
+        controller: where they rest at another value on the machine, they go there with it.
+        """
+        if machine.channel is None:
+            return self
+        old, new = before.actuation().rest, machine.actuation().rest
+        return eqx.tree_at(
+            lambda loop: loop.rest, self, jnp.where((self.direction == 0) & (new != old), new, self.rest)
+        )
+
     @property
     def _limits(self) -> tuple[Array, Array]:
         """Outputs u beyond which no command changes any more."""
@@ -108,7 +121,9 @@ def feedback_on(actuator: AbstractActuator, controller: Any, **settings: ArrayLi
 
     * `joint`: angle → ΔU, commands P0 ± ΔU between no pressure and twice the mean one ([T]).
     * `elbow`: angle → gauge pressure, not below none ([W]).
-    * `jet-pipe`: force → current of the driver, whose gain and offset are undone ([H]).
+    * `jet-pipe` and `jet-pipe-piston`: force → current of the driver, whose gain and offset are undone
+      ([H]); the supply pressure that the latter takes as a command stays the machine's.
+    * `isotonic`: position → command of the valve, both ways.
 
     Args:
         settings: keywords of the rig's `actuation`; of a `joint` `mean_pressure`, P0, gauge [Pa], 2.5 bar

@@ -16,13 +16,27 @@ A machine, a controller with gains to begin with, scenarios to tune on and other
     tuned.save("gains.toml")
 
 `tuned.controller` is the controller with its new gains. Parameters of a machine that was fitted vary as the
-fit leaves them open with ``jm.tuning.drawn(references, times, jm.tuning.sample(fit, 20))``.
+fit leaves them open with ``jm.tuning.drawn(references, times, jm.tuning.sample(fit, 20))``. Where not the
+gains but the reference is free, :func:`optimal_reference` finds the one that costs least within limits.
 """
 
 from jaxmuscle.tuning.cost_terms import TERMS
+from jaxmuscle.tuning.optimal_reference import OptimalReference, optimal_reference
 from jaxmuscle.tuning.scenario_costs import Gain, Judged
 from jaxmuscle.tuning.scenarios import Scenario, drawn, grid, sample
 from jaxmuscle.tuning.tune import tune
 from jaxmuscle.tuning.tuning_result import Tuning
 
-__all__ = ["TERMS", "Gain", "Judged", "Scenario", "Tuning", "drawn", "grid", "sample", "tune"]
+__all__ = [
+    "TERMS",
+    "Gain",
+    "Judged",
+    "OptimalReference",
+    "Scenario",
+    "Tuning",
+    "drawn",
+    "grid",
+    "optimal_reference",
+    "sample",
+    "tune",
+]

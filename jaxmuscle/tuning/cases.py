@@ -103,7 +103,7 @@ class Stacked:
         """The same with each scenario's machine linearised at rest under an output of zero."""
         changes, many = self.cases.changes, len(self.names)
         machines = [replace(actuator, {p: v[i] for p, v in changes.items()}) for i in range(many)]
-        found = [machine_response(machine, self.step, attached) for machine in machines]
+        found = [machine_response(m, self.step, attached.on(actuator, m)) for m in machines]
         rest = jnp.array([model.rest for model, _ in found])
         linear = Linearised(jnp.asarray(np.stack([response for _, response in found])), rest)
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, linear=linear))

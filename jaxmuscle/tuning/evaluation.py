@@ -52,14 +52,24 @@ class Rig(eqx.Module):
     step: float = eqx.field(static=True)
     samples: int = eqx.field(static=True)
 
+    def within(self, case: Case) -> Rig:
+        """The same with the machine of a scenario, and with commands that rest where its own do."""
+        if not case.changes:
+            return self
+        machine = replace(self.actuator, case.changes)
+        if self.attached is None:
+            return dataclasses.replace(self, actuator=machine)
+        attached = self.attached.on(self.actuator, machine)
+        objective = dataclasses.replace(self.objective, rest=attached.rest)
+        return dataclasses.replace(self, actuator=machine, attached=attached, objective=objective)
+
     def run(self, gains: Array, case: Case) -> ClosedLoop:
-        """One scenario under some gains (SI)."""
-        machine = replace(self.actuator, case.changes) if case.changes else self.actuator
+        """One scenario under some gains (SI), on its machine."""
         controller = whole = self.controller.at(gains)
         if self.attached is not None:
             whole = eqx.tree_at(lambda loop: loop.controller, self.attached, controller)
         return closed_loop(
-            machine,
+            self.actuator,
             Sensed(whole, case.resolution),
             case.told,
             np.arange(self.samples) * self.step,
@@ -68,7 +78,7 @@ class Rig(eqx.Module):
         )
 
     def residuals(self, gains: Array, case: Case) -> Array:
-        """What the cost of one scenario is made of."""
+        """What the cost of one scenario is made of, on its machine."""
         reference = case.told.reference
         loop = self.run(gains, case)
         disturbed = self.disturbed(gains, case)
@@ -89,7 +99,9 @@ def _forward(rig: Rig, gains: Array, cases: Case) -> tuple[Array, Array, Array]:
 
     def of(case: Case) -> tuple[Array, Array, Array]:
         def pushed(tangent: Array) -> tuple[Array, Array]:
-            return jax.jvp(lambda there: rig.residuals(there, case), (gains,), (tangent,))
+            return jax.jvp(lambda there: own.residuals(there, case), (gains,), (tangent,))
+
+        own = rig.within(case)
 
         r, slopes = jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(gains)))
         return r @ r, 2 * slopes @ r, 2 * slopes @ slopes.T
@@ -102,7 +114,8 @@ def _reverse(rig: Rig, gains: Array, cases: Case) -> tuple[Array, Array]:
     """Cost of each scenario and its gradient by the gains, by one pass back."""
 
     def of(case: Case) -> tuple[Array, Array]:
-        cost = lambda there: rig.objective.cost(rig.residuals(there, case))  # noqa: E731
+        own = rig.within(case)
+        cost = lambda there: own.objective.cost(own.residuals(there, case))  # noqa: E731
         return jax.value_and_grad(cost)(gains)
 
     return jax.vmap(of)(cases)
@@ -120,9 +133,9 @@ class Seen(eqx.Module):
 @eqx.filter_jit
 def _seen(rig: Rig, gains: Array, cases: Case) -> Seen:
     def of(case: Case) -> Seen:
-        loop, reference = rig.run(gains, case), case.told.reference
-        target = target_of(reference)
-        disturbed, objective = rig.disturbed(gains, case), rig.objective
+        own, reference = rig.within(case), case.told.reference
+        loop, target = own.run(gains, case), target_of(reference)
+        disturbed, objective = own.disturbed(gains, case), own.objective
         cost = objective.cost(objective.residuals(loop, reference, target, case.counts, disturbed))
         terms = objective.values(loop, target, case.counts, disturbed)
         return Seen(cost, terms, loop.readings, loop.commands)

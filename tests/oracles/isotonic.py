@@ -58,8 +58,12 @@ def drooped(area, supply, pressure, temperature, resistance):
     return flow
 
 
-def isotonic(card, effects, command, step, pressure, substeps):
-    """Pressure, position, velocity at the samples, from rest on the plate with the valve shut."""
+def isotonic(card, effects, command, step, pressure, substeps, controller=None):
+    """Pressure, position, velocity at the samples, from rest on the plate with the valve shut.
+
+    A `controller` (pressure, position at a sample) → command takes the place of `command`, of which only the
+    number of samples is used then; what it gives acts at once.
+    """
 
     def value(effect, parameter):
         return effects.get(effect, {}).get(parameter, 0.0)
@@ -115,9 +119,12 @@ def isotonic(card, effects, command, step, pressure, substeps):
 
     h = step / substeps
     state, plays, samples = [0.0, pressure, 0.0, 0.0, 0.0, temperature, 0.0, 0.0], [0.0] * len(THRESHOLDS), []
+    given = None
     for index, u in enumerate(acting(effects, command, 0.0, step, substeps)):
         if index % substeps == 0:
             samples.append(state[1:4])
+            given = controller(*state[1:3]) if controller else None
+        u = u if given is None else given
         time, (_, _, x, v, *_) = index * h, state
         up, down = load(state, time, 1.0), load(state, time, -1.0)
         sense = 1.0 if v > 0 or (v == 0 and up > 0) else -1.0
