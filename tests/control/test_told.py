@@ -72,9 +72,9 @@ def test_the_variable_structure_asks_for_a_reference_with_rates():
 
 
 def test_a_controller_of_another_rig_is_told():
-    with pytest.raises(InputError, match="expected rig jet-pipe; got 'elbow'"):
+    with pytest.raises(InputError, match="expected rig jet-pipe or jet-pipe-piston; got 'elbow'"):
         feedback_on(bench.model("elbow"), built(ProportionalForce))
-    with pytest.raises(InputError, match="expected rig jet-pipe; got 'joint'"):
+    with pytest.raises(InputError, match="expected rig jet-pipe or jet-pipe-piston; got 'joint'"):
         feedback_on(JOINT, built(ProportionalForce))
     for controller in (FUZZY, SLIDING):
         with pytest.raises(InputError, match="expected rig joint or elbow; got 'jet-pipe'"):
