@@ -65,15 +65,6 @@ class Outcome:
     masks: Mapping[str, NDArray[np.bool_]]
 
 
-def mean_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> dict[str, float]:
-    """Mean square weighted residual of every output, 1 being what noise and smoothing leave."""
-    found = {}
-    for output, values in bench.residuals(model, problem).items():
-        weighted = np.asarray(problem.weights[output]) > 0
-        found[output] = float((values[weighted] ** 2).mean())
-    return found
-
-
 def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
     declared = _lean(bench, outcome.declared, [])
@@ -85,7 +76,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     missing = missing_rates(case, outcome.model)
     traces = _traces(case, outcome, begun.result())
     before, after = (errors(case, each, traces.held_out) for each in (traces.before, traces.after))
-    squares = mean_squares(bench, outcome.model, training)
+    squares = bench.mean_squares(outcome.model, training)
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
     may_miss = missing_in_noise(final, squares, noise)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import signal_of
-from jaxmuscle.diagnosis.conclusion import FIT_STEPS, mean_squares
+from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
 from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
@@ -75,7 +75,7 @@ class ForwardSelection:
         tools = self.bench
         most = min(self.given + MOST_EFFECTS, len(tools.candidates) + len(tools.constants))
         while len(self.found) < most:
-            left = max(mean_squares(self.bench, self.model, self.training).values())
+            left = max(tools.mean_squares(self.model, self.training).values())
             quiet = left < NOTHING_LEFT and not self._contradicts_the_card()
             if quiet or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
                 break

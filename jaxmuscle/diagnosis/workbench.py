@@ -295,6 +295,14 @@ class Workbench:
         """Half the sum of squared weighted residuals, without priors."""
         return 0.5 * sum(float((r**2).sum()) for r in self.residuals(model, problem).values())
 
+    def mean_squares(self, model: AbstractActuator, problem: Problem) -> dict[str, float]:
+        """Mean square weighted residual of every output, 1 being what noise and smoothing leave."""
+        found = {}
+        for output, values in self.residuals(model, problem).items():
+            weighted = np.asarray(problem.weights[output]) > 0
+            found[output] = float((values[weighted] ** 2).mean())
+        return found
+
     def jacobian(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:

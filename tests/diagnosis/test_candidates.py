@@ -172,8 +172,8 @@ def test_of_candidates_that_are_as_good_the_simplest_comes_first():
             for e, gain, p in zip(each, gains, p_values, strict=True)
         ]
 
-    def names(candidates):
-        return [candidate.name for candidate in simplest_first(candidates, 0)]
+    def names(candidates, **left):
+        return [each.name for each in simplest_first(candidates, 0, lambda c: left.get(c.name, 1.0))]
 
     creep, bladder, friction = "creep", "bladder_stiffness", "load_friction"
     assert names(ranked(0.992, 0.99, 0.9)) == [bladder, creep, friction]
@@ -183,3 +183,7 @@ def test_of_candidates_that_are_as_good_the_simplest_comes_first():
     assert names(ranked(0.5, 0.6, 0.4)) == [creep, bladder, friction]
     assert names(ranked(0.992, 0.97, 0.96)) == [creep, bladder, friction]
     assert names([]) == []
+    # As good over the parts of windows, but not where predictions go on.
+    assert names(ranked(0.992, 0.991, 0.99), load_friction=13.6) == [bladder, creep, friction]
+    assert names(ranked(0.992, 0.991, 0.99), load_friction=13.6, creep=12.0) == [friction, creep, bladder]
+    assert names(ranked(0.992, 0.991, 0.99), load_friction=1.9, creep=0.6) == [friction, creep, bladder]
