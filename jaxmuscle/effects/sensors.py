@@ -39,11 +39,21 @@ class AbstractSensorLag(AbstractMemoryEffect):
         active = self.time_constant > 0
         tau = jnp.where(active, self.time_constant, 1.0)
         fading = jnp.where(active, jnp.exp(-step / tau), 0.0)
-        ramp = self.time_constant * (value - before) / step
-        return fading * error - ramp * (1 - fading), value
+        # A step of no length, before a late command switches at once, leaves the memory as it is.
+        at_once = self.time_constant / jnp.where(step > 0, step, 1.0)
+        followed = jnp.where(active, _mean_fading(step / tau), at_once)
+        return fading * error - followed * (value - before), value
 
     def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
         return memory[0]
+
+
+def _mean_fading(passed: Array) -> Array:
+    r"""Mean of :math:`e^{-s}` from s = 0 to `passed`, :math:`(1 - e^{-z})/z`, which is 1 at z = 0."""
+    small = passed < 1e-3
+    z = jnp.where(small, 1.0, passed)
+    series = 1 - passed / 2 * (1 - passed / 3 * (1 - passed / 4))
+    return jnp.where(small, series, -jnp.expm1(-z) / z)
 
 
 class ForceSensorLag(AbstractSensorLag):

@@ -60,10 +60,13 @@ def test_a_delay_between_samples_switches_the_current_where_it_does(delay):
     assert bench.deviation(readings["force"], force) < 5e-3
 
 
+@pytest.mark.parametrize("lag", [None, 1e-3])
 @pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
-def test_slopes_by_a_delay_are_those_of_one_side(delay):
+def test_slopes_by_a_delay_are_those_of_one_side(delay, lag):
+    lagging = {} if lag is None else {"force_sensor_lag": {"time_constant": lag}}
+
     def readings(late):
-        actuator = bench.model("jet-pipe", CARRIED, command_delay={"delay": late})
+        actuator = bench.model("jet-pipe", CARRIED, command_delay={"delay": late}, **lagging)
         out = bench.simulate(actuator, track(COMMAND[:60]), 2).readings
         return jnp.stack([out["current"] / 0.4, out["force"] / 50.0])
 
@@ -71,6 +74,23 @@ def test_slopes_by_a_delay_are_those_of_one_side(delay):
     slope = jax.jit(jax.vmap(jax.jacfwd(readings)))(at[None])[0]
     difference = (jax.jit(readings)(at + h) - jax.jit(readings)(at)) / h
     np.testing.assert_allclose(slope, difference, rtol=1e-3, atol=1e-3 * float(jnp.abs(slope).max()))
+
+
+def test_every_effect_at_no_strength_changes_nothing_and_has_its_slope():
+    """A dead time of no length makes steps of no length, over which memories are brought up to date too."""
+    offered = bench.offered("jet-pipe")
+    carried = bench.model("jet-pipe", [effect.name for effect in offered])
+
+    def readings(strengths):
+        values = {f"effects.{e.name}.{e.strength}": s for e, s in zip(offered, strengths, strict=True)}
+        return bench.simulate(replace(carried, values), track(COMMAND[:60]), 2).readings
+
+    strengths = jnp.zeros(len(offered))
+    bare = bench.simulated(bench.model("jet-pipe"), track(COMMAND[:60]), 2).readings
+    slopes = jax.jit(jax.jacfwd(readings))(strengths)
+    for output, values in jax.jit(readings)(strengths).items():
+        np.testing.assert_allclose(values, bare[output], rtol=1e-9, atol=1e-12)
+        assert bool(jnp.isfinite(slopes[output]).all())
 
 
 def test_the_longest_step_is_well_below_the_noise():

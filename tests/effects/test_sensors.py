@@ -10,7 +10,7 @@ from oracles.bench import built
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.effects import FURTHER, Backlash, ForceSensorNonlinearity, PressureSensorLag
+from jaxmuscle.effects import FURTHER, Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
 from jaxmuscle.estimation.residuals import residuals
 from jaxmuscle.estimation.windows import case
 from jaxmuscle.signals import Signals
@@ -140,3 +140,34 @@ def test_one_time_constant_is_found_from_both_links(true):
     (entry,) = found.parameters.values()
     assert PressureSensorLag.name in entry.path
     assert entry.value == pytest.approx(0.012, rel=0.05)
+
+
+@pytest.mark.parametrize("tau", [0.0, 1e-4, 1e-3, 0.3])
+@pytest.mark.parametrize("step", [0.0, 1e-7, 1e-6, 2e-6, 1e-3])
+def test_a_lag_over_a_step_of_any_length_is_that_of_a_ramp(tau, step):
+    """Reading 3.0 of a force that rises from 5.0 by 40 a second, and its slopes by step and time constant."""
+
+    def shown(step, tau):
+        lag = ForceSensorLag(time_constant=tau)
+        error, value = lag.update((-2.0, 5.0), Signals(force=5.0 + 40.0 * step), step)
+        return error + value
+
+    at = jnp.asarray(step), jnp.asarray(tau)
+    if tau > 0:
+        fading = np.exp(-step / tau)
+        expected = 5.0 + 40.0 * step - 40.0 * tau * (1 - fading) - 2.0 * fading
+        by_step = 40.0 * (1 - fading) + 2.0 * fading / tau
+    elif step > 0:  # The reading follows at once.
+        expected, by_step = 5.0 + 40.0 * step, 40.0
+    else:
+        return
+    np.testing.assert_allclose(shown(*at), expected, rtol=1e-12)
+    np.testing.assert_allclose(jax.jacfwd(shown)(*at), by_step, rtol=1e-7)
+    assert bool(jnp.isfinite(jax.jacfwd(shown, argnums=1)(*at)))
+
+
+def test_a_step_of_no_length_has_no_slope_that_is_no_number():
+    def error(tau):
+        return ForceSensorLag(time_constant=tau).update((0.0, 5.0), Signals(force=5.0), jnp.zeros(()))[0]
+
+    assert float(error(0.0)) == 0.0 and float(jax.jacfwd(error)(0.0)) == 0.0
