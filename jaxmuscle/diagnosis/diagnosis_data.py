@@ -75,7 +75,8 @@ class Alternative:
     `told_apart`: whether the best one predicts unseen windows significantly better (p < 0.05).
     `judged`: whether it was tried on unseen windows; one that was not counts as told apart, and its gain,
     p-value and loss are those on the windows that it was fitted to, where it removed too little.
-    `test`, `stretches`: as of :class:`FoundEffect`.
+    `test`, `stretches`: as of :class:`FoundEffect`. `failed`: whether predictions with it were not numbers
+    from any start, so that it could not be tried.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Alternative:
     judged: bool = True
     test: str = SIGN_FLIPS
     stretches: int = 0
+    failed: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

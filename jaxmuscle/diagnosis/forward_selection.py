@@ -201,6 +201,7 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.judged,
             candidate.evidence.test,
             candidate.evidence.stretches,
+            candidate.failed,
         )
         for candidate in ranking.candidates
     )

@@ -30,6 +30,7 @@ from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.optimization.levenberg_marquardt import FAILED
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
 from jaxmuscle.progress import Meter
@@ -64,7 +65,8 @@ class Candidate:
     """An effect, or several, how well they predict unseen windows, and the models fitted with them.
 
     `model`: to all blocks; `folds`: to all but those of one fold, fold by fold. Without folds it was not
-    tried on unseen windows: its evidence is that of the windows it was fitted to, and too little.
+    tried on unseen windows: its evidence is that of the windows it was fitted to, and too little. `failed`:
+    predictions with it were not numbers, and the evidence is none.
     """
 
     effects: tuple[Sought, ...]
@@ -72,6 +74,7 @@ class Candidate:
     losses: Losses
     model: AbstractActuator
     folds: tuple[AbstractActuator, ...]
+    failed: bool = False
 
     @property
     def name(self) -> str:
@@ -143,7 +146,7 @@ def rank(
     ]
     chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
     left = [
-        Candidate((effect,), Evidence(gained, 1.0, typical(own)), own, found.model, ())
+        Candidate((effect,), Evidence(gained, 1.0, typical(own)), own, found.model, (), found.code == FAILED)
         for effect, gained, own, found, promises in zip(rest, gains, seen, searched, chosen, strict=True)
         if not promises
     ]

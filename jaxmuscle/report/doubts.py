@@ -25,6 +25,11 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
             f"About {formatting.rounded(diagnosis.missing_in_noise)} times the sensor noise is still missing "
             f"where the model was fitted."
         )
+    failed = dict.fromkeys(a.name for each in diagnosis.rounds for a in each.ranking if a.failed)
+    found += [
+        f"{capital(words(name))} could not be tried: with it the model's predictions are not numbers."
+        for name in failed
+    ]
     found += _few_stretches(diagnosis)
     found += [
         f"{capital(words(name))} helped on unseen training windows and was taken out again: {why}."

@@ -99,6 +99,8 @@ def ranking(search: Round) -> list[dict[str, str]]:
     """The candidates of one search, best first."""
 
     def outcome(candidate: Alternative) -> str:
+        if candidate.failed:
+            return "could not be tried"
         if not candidate.judged:
             return "explains too little where it is fitted"
         if search.added is None:

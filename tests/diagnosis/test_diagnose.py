@@ -1,6 +1,7 @@
 """From a recording to the effect that its model lacks, end to end."""
 
 import dataclasses
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,8 +20,11 @@ from jaxmuscle.diagnosis.evidence import (
     typical_fall,
 )
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
-from jaxmuscle.effects import LoadFriction
+from jaxmuscle.effects import LoadFriction, PressureDependentEnds
+from jaxmuscle.effects.sensors import AbstractSensorLag
 from jaxmuscle.parameters import parameters
+from jaxmuscle.report.doubts import doubts
+from jaxmuscle.signals import FORCE_READING
 
 MASS_FRICTION = 13.84
 """Guide friction with which the bench made the shipped recording [N]."""
@@ -133,6 +137,32 @@ def test_what_the_catalogue_does_not_hold_is_unexplained():
     assert left.signal == "muscle_force"
     assert left.depends_on[0] == "position"
     assert left.rms_in_noise > 3
+
+
+class WithoutNumbers(AbstractSensorLag):
+    """A lag of the force whose reading is no number after the first step, as of a fault in an own effect."""
+
+    name: ClassVar = "without_numbers"
+    slot: ClassVar = FORCE_READING
+    reads: ClassVar = frozenset({"force"})
+    strength: ClassVar = "time_constant"
+    starts: ClassVar = ({},)
+    source: ClassVar = "none"
+
+    def lagging(self, signals):
+        return signals.force
+
+    def update(self, memory, signals, step):
+        error, value = super().update(memory, signals, step)
+        return error + (0.0 * step) / (0.0 * step), value
+
+
+def test_a_candidate_without_numbers_is_told_and_hides_no_other():
+    recording = driven_recording({"pressure_dependent_ends": {"amplitude": 0.8}}, driven_card({}), seed=5)
+    diagnosis = diagnose(recording, catalogue=(PressureDependentEnds, WithoutNumbers), constants=False)
+    assert [effect.name for effect in diagnosis.effects] == ["pressure_dependent_ends"]
+    assert {a.name for each in diagnosis.rounds for a in each.ranking if a.failed} == {"without_numbers"}
+    assert any(each.startswith("Without numbers could not be tried") for each in doubts(diagnosis))
 
 
 @pytest.mark.slow

@@ -149,7 +149,9 @@ def test_a_lag_over_a_step_of_any_length_is_that_of_a_ramp(tau, step):
 
     def shown(step, tau):
         lag = ForceSensorLag(time_constant=tau)
-        error, value = lag.update((-2.0, 5.0), Signals(force=5.0 + 40.0 * step), step)
+        error, value = lag.update(
+            (jnp.asarray(-2.0), jnp.asarray(5.0)), Signals(force=5.0 + 40.0 * step), step
+        )
         return error + value
 
     at = jnp.asarray(step), jnp.asarray(tau)
@@ -168,6 +170,7 @@ def test_a_lag_over_a_step_of_any_length_is_that_of_a_ramp(tau, step):
 
 def test_a_step_of_no_length_has_no_slope_that_is_no_number():
     def error(tau):
-        return ForceSensorLag(time_constant=tau).update((0.0, 5.0), Signals(force=5.0), jnp.zeros(()))[0]
+        memory = jnp.asarray(0.0), jnp.asarray(5.0)
+        return ForceSensorLag(time_constant=tau).update(memory, Signals(force=memory[1]), jnp.zeros(()))[0]
 
     assert float(error(0.0)) == 0.0 and float(jax.jacfwd(error)(0.0)) == 0.0

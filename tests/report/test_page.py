@@ -11,6 +11,8 @@ from report.fake import diagnosis
 
 from jaxmuscle.decimation import extremes
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
+from jaxmuscle.formatting import capital, words
+from jaxmuscle.report import tables
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
@@ -130,6 +132,20 @@ def test_doubts_stand_in_a_box_at_the_top() -> None:
     assert "12 readings of position do not count" in box
     assert "Creep helped on unseen training windows and was taken out again" in box
     assert "<b>Doubts</b>" not in page(diagnosis("complete"))
+
+
+def test_a_candidate_that_could_not_be_tried_is_told() -> None:
+    found = diagnosis("unexplained")
+    *others, last = found.rounds[0].ranking
+    failed = dataclasses.replace(last, judged=False, failed=True)
+    search = dataclasses.replace(found.rounds[0], ranking=(*others, failed))
+    broken = dataclasses.replace(found, rounds=(search, search))
+    told = [each for each in doubts(broken) if "could not be tried" in each]
+    assert told == [
+        f"{capital(words(last.name))} could not be tried: with it the model's predictions are not numbers."
+    ]
+    assert tables.ranking(search)[-1]["outcome"] == "could not be tried"
+    assert not any("could not be tried" in each for each in doubts(found))
 
 
 def test_few_stretches_are_told() -> None:
