@@ -1,4 +1,4 @@
-"""The option `--resume`, and the file in which it keeps what a diagnosis has finished."""
+"""The option `--resume`, and the file in which it keeps what a diagnosis or a fit has finished."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 from jaxmuscle.cli.console import resumable
 
 if TYPE_CHECKING:
-    from jaxmuscle.diagnosis.checkpoint import Checkpoint
+    from jaxmuscle.estimation.checkpoint import Checkpoint
 
 Resume: TypeAlias = Annotated[
     bool,
@@ -36,12 +36,15 @@ def checkpoint_beside(folder: Path, wanted: bool) -> Iterator[Checkpoint | None]
     if not wanted:
         yield None
         return
-    from jaxmuscle.diagnosis.checkpoint import Checkpoint
+    from jaxmuscle.estimation.checkpoint import Checkpoint
 
     place = folder.parent / f"{folder.name}{ENDING}"
     if folder.is_dir() and not place.exists():
         place = folder / ENDING.removeprefix(".")
     with resumable():
         checkpoint = Checkpoint(place, lambda text: typer.echo(f"jaxmuscle: {text}", err=True))
-        yield checkpoint
+        try:
+            yield checkpoint
+        finally:
+            checkpoint.close()
         checkpoint.remove()

@@ -177,6 +177,7 @@ def fit(
     resample: Resample = False,
     stretch: Stretch = None,
     every: Every = None,
+    resume: Resume = False,
     module: Modules = None,
     debug: Debug = False,
 ) -> None:
@@ -210,9 +211,10 @@ def fit(
             "progress": tell,
         }
         actuator = actuator_from_card(found[0].card)
-        result = interruptible(lambda: run(actuator, found, **asked), stop=lambda: None)
-        tell("writing the results")
-        files = write_fit(result, folder)
+        with checkpoint_beside(folder, resume) as kept:
+            result = interruptible(lambda: run(actuator, found, **asked, resume=kept), stop=lambda: None)
+            tell("writing the results")
+            files = write_fit(result, folder)
     _print_fit(result, files)
 
 

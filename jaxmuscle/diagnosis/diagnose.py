@@ -17,10 +17,8 @@ from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.card_constants import card_constants
-from jaxmuscle.diagnosis.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
-from jaxmuscle.diagnosis.fingerprint import origin
 from jaxmuscle.diagnosis.folds import FOLDS
 from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import (
@@ -33,6 +31,8 @@ from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
+from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
+from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
 from jaxmuscle.estimation.windows import case, check_held_out, check_parts
@@ -102,7 +102,7 @@ def diagnose(
             (:mod:`jaxmuscle.diagnosis.constant_ranking`). Then ``constant:mass`` stands among the effects.
         progress: called at each step with a :class:`~jaxmuscle.progress.Progress`, whose text is a line:
             `print` will do.
-        resume: a file by which an interrupted call goes on (:mod:`jaxmuscle.diagnosis.checkpoint`).
+        resume: a file by which an interrupted call goes on (:mod:`jaxmuscle.estimation.checkpoint`).
 
     Returns:
         a :class:`Diagnosis`; its verdict is "effects found", "complete" (nothing is missing), "undecided"
@@ -117,8 +117,9 @@ def diagnose(
     meter = Meter(progress)
     kept_out = _held_out(whole, held_out)
     chosen = (*(CATALOGUE if catalogue is None else catalogue), *further)
-    of = partial(origin, whole, chosen, (kept_out, ignored, catalogue is None, constants))
-    with checkpoint_at(resume, of, meter) as checkpoint:
+    kinds = [type(actuator_from_card(whole.card)), *chosen]
+    of = partial(origin, [whole], kinds, (kept_out, ignored, catalogue is None, constants))
+    with checkpoint_at(resume, of, partial(meter.did, 0.0), "fits") as checkpoint:
         seek = partial(_diagnosed, whole, kept_out, ignored, meter=meter, checkpoint=checkpoint)
         if catalogue is not None:
             return interruptible(lambda: seek(chosen, constants=constants), meter.stop)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.serialization import plain, restored
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED
+from jaxmuscle.parameters import parameters, replace
 
 SETTLED = (CONVERGED, STALLED)
 """How a fit ends that more steps would not carry on."""
@@ -81,3 +84,21 @@ def best_of(fits: Sequence[SettledFit]) -> int:
         return sum(each) + fit.far
 
     return min(range(len(fits)), key=lambda i: cost(fits[i]))
+
+
+def as_record(fit: SettledFit, base: AbstractActuator) -> Any:
+    """A fit as plain data: of its model what differs from `base`, a model of the same structure."""
+    before = {path: np.asarray(entry.value) for path, entry in parameters(base).items()}
+    after = {path: np.asarray(entry.value) for path, entry in parameters(fit.model).items()}
+    if before.keys() != after.keys():
+        raise ValueError(f"expected a model of the same structure; {before.keys() ^ after.keys()} differ")
+    values = {path: new for path, new in after.items() if new.tobytes() != before[path].tobytes()}
+    return plain({**{f.name: getattr(fit, f.name) for f in dataclasses.fields(fit)}, "model": values})
+
+
+def from_record(record: Any, base: AbstractActuator) -> SettledFit:
+    """The inverse of :func:`as_record`."""
+    data = restored(record)
+    left = {output: [Discrepancy(**each) for each in columns] for output, columns in data["left"].items()}
+    model = replace(base, data["model"]) if data["model"] else base
+    return SettledFit(**{**data, "model": model, "left": left})

@@ -13,9 +13,17 @@ from jaxtyping import Float
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.checkpoint import NOTHING_KEPT, Checkpoint
-from jaxmuscle.diagnosis.settled_fit import Factors, SettledFit, best_of, noise_squares, weight_factors
+from jaxmuscle.diagnosis.settled_fit import (
+    Factors,
+    SettledFit,
+    as_record,
+    best_of,
+    from_record,
+    noise_squares,
+    weight_factors,
+)
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
 from jaxmuscle.estimation.losses import Squares
@@ -230,7 +238,16 @@ class Workbench:
         """
         own = [each.name for each in (*self.candidates, *self.constants)], self.carried, self.width
         of = (own, self.declared, model, list(effects), inputs)
-        return self.checkpoint.recall(kind, of, lambda: self.dressed(model, effects), compute, passed_over)
+
+        def restored(record: object) -> SettledFit:
+            passed_over()
+            return from_record(record, self.dressed(model, effects))
+
+        def record(fit: SettledFit) -> object:
+            return as_record(fit, self.dressed(model, effects))
+
+        (found,) = self.checkpoint.recall(kind, [of], lambda _: [compute()], record, restored)
+        return found
 
     def _settled(
         self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int, slow: float

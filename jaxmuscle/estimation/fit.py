@@ -8,6 +8,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,14 @@ import jaxmuscle
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation import request
+from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint, checkpoint_at
 from jaxmuscle.estimation.covariance import Minimum
+from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.fit_data import FitData, correlations, fitted, outcomes
 from jaxmuscle.estimation.fit_figure import plot
 from jaxmuscle.estimation.fit_files import fitted_card, load, save
-from jaxmuscle.estimation.free_parameters import Unknowns, at_bound, moved_machine
-from jaxmuscle.estimation.identifiability import Undetermined, undetermined, without_influence
+from jaxmuscle.estimation.free_parameters import at_bound, moved_machine
+from jaxmuscle.estimation.identifiability import identifiability
 from jaxmuscle.estimation.initial_states import state_scores
 from jaxmuscle.estimation.intervals import profiles, with_conflicts, with_inner_ends
 from jaxmuscle.estimation.losses import Loss, Squares, loss_named
@@ -45,12 +48,11 @@ from jaxmuscle.estimation.prepare import (
     profiled,
 )
 from jaxmuscle.estimation.request import Asked, Bounds, PriorLike
-from jaxmuscle.estimation.residual_analysis import Series, residual_tests, series
+from jaxmuscle.estimation.residual_analysis import residual_tests, series
 from jaxmuscle.estimation.summary import notes, summary, view
 from jaxmuscle.estimation.weights import with_discrepancy, with_estimated_noise
 from jaxmuscle.optimization.levenberg_marquardt import Course, Lane, Limits, Local
 from jaxmuscle.optimization.optimistix_solver import steps_by
-from jaxmuscle.parameter_names import of_machine
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording
 
@@ -142,7 +144,8 @@ def conclude(
     ends = at_bound(unknowns, u)
     minimum = Minimum(u, lines, unknowns, objective.loss, ends, state_scores(objective, u, lines))
     sure = minimum.covariance()
-    idle, combinations = _identifiability(lines, unknowns, u, ends)
+    slopes = np.concatenate([line.slopes for line in lines], axis=1)
+    idle, combinations = identifiability(slopes, unknowns, u, ends)
     chosen = [i for i, e in enumerate(unknowns.entries) if e.place.name in wanted and not ends[i]]
     if chosen:
         progress("computing profile likelihoods")
@@ -179,31 +182,6 @@ def conclude(
     )
 
 
-def _identifiability(
-    lines: Sequence[Series], unknowns: Unknowns, u: NDArray[np.float64], ends: NDArray[np.int64]
-) -> tuple[tuple[str, ...], tuple[Undetermined, ...]]:
-    slopes = np.concatenate([line.slopes for line in lines], axis=1)
-    idle = without_influence(slopes, unknowns.names)
-    kept = [i for i, name in enumerate(unknowns.names) if name not in idle and not ends[i]]
-    relative, logarithmic = _relative(unknowns, u)
-    inner = slopes[kept] * relative[kept, None]
-    prior = (unknowns.prior_slopes * relative)[kept] ** 2
-    names = [unknowns.names[i] for i in kept]
-    return idle, undetermined(inner @ inner.T, prior, names, logarithmic[kept])
-
-
-def _relative(unknowns: Unknowns, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Slopes of the coordinates by the logarithm of the values, and where they are these.
-
-    What may be zero, but is not near it, such as the force of a friction, is told apart from others by its
-    ratio to them as well as what is always positive. An offset or an initial state adds to something.
-    """
-    values = unknowns.values(u)
-    machines = np.array([of_machine(entry.place.path) for entry in unknowns.entries])
-    away = machines & ~unknowns.logarithmic & (np.abs(values) >= unknowns.scale)
-    return np.where(away, values / unknowns.scale, 1.0), unknowns.logarithmic | away
-
-
 def _inputs(
     actuator: AbstractActuator, columns: dict[str, NDArray[np.float64]]
 ) -> dict[str, NDArray[np.float64]]:
@@ -224,6 +202,7 @@ class Method:
         deadline: end of the search (`time.monotonic`).
         solver: takes the outcome of a trial into its lane; our own when `None`.
         program: what evaluates the fit, shared with others; one of its own when `None`.
+        checkpoint: keeps what is evaluated.
     """
 
     loss: Loss = dataclasses.field(default_factory=Squares)
@@ -234,6 +213,7 @@ class Method:
     deadline: float = math.inf
     solver: Callable[[Lane, Local, Limits], None] | None = None
     program: SharedProgram | None = None
+    checkpoint: Checkpoint = NOTHING_KEPT
 
 
 REWEIGHTINGS = {ESTIMATED: with_estimated_noise, DISCREPANCY: with_discrepancy}
@@ -251,7 +231,7 @@ def estimate(
     """What :func:`jaxmuscle.fit` does, from arguments that are checked one by one."""
     begin = time.monotonic()
     objective = prepared(actuator, recordings, asked, masks, method.noise, method.loss)
-    objective = dataclasses.replace(objective, program=method.program)
+    objective = dataclasses.replace(objective, program=method.program, checkpoint=method.checkpoint)
     task = Search(
         objective,
         begun_at(objective.unknowns, method.starts, method.seed),
@@ -288,6 +268,7 @@ def fit(
     seed: int = 0,
     solver: object = None,
     progress: Callable[[str], None] = _silent,
+    resume: str | Path | Checkpoint | None = None,
 ) -> FitResult:
     """Fit parameters of a machine and of the sensors to one or more recordings of its rig.
 
@@ -327,19 +308,25 @@ def fit(
             trust region when `None`. Its tolerances are of parameters in their standard deviations. Starts,
             bounds, budget and failures are treated alike; a value at a bound is one there.
         progress: called with a line of text at every iteration.
+        resume: a file by which an interrupted call goes on (:mod:`jaxmuscle.estimation.checkpoint`); a
+            `budget` begins anew.
 
     Raises:
         InputError: an unknown parameter, contradictory priors or bounds, too few data, all starts failed,
-            a solver that does not step by derivatives.
+            a solver that does not step by derivatives, a file for `resume` that is another one.
     """
     require_double_precision("a fit")
     given = request.given_recordings(actuator, recordings)
     steps, seed = request.whole(steps, "steps", 1), request.whole(seed, "seed", 0)
     deadline = time.monotonic() + request.seconds(budget, "budget")
     by = None if solver is None else steps_by(solver)
-    method = Method(loss_named(loss), noise, starts, steps, seed, deadline, by)
     asked = asked_for(free, shared, per_recording, priors, bounds, profiles, continuation)
-    return estimate(actuator, given, asked, masks, method, progress)
+    rule = loss_named(loss)
+    kinds = [type(each) for each in (actuator, *actuator.effects.values(), rule)]
+    settings = actuator, asked, masks, vars(rule), noise, starts, steps, seed, solver
+    with checkpoint_at(resume, partial(origin, given, kinds, settings), progress, "evaluations") as kept:
+        method = Method(rule, noise, starts, steps, seed, deadline, by, checkpoint=kept)
+        return estimate(actuator, given, asked, masks, method, progress)
 
 
 def _teller(progress: Callable[[str], None], begin: float) -> Callable[[str, Course], None]:

@@ -10,6 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from jaxmuscle.estimation.free_parameters import Unknowns
+from jaxmuscle.parameter_names import of_machine
+
 LARGEST_DENOMINATOR = 3
 NEARLY = 0.06
 """Deviation of an exponent from a simple fraction up to which it is written as one."""
@@ -219,3 +222,33 @@ def _echelon(rows: Float[np.ndarray, "r k"]) -> Float[np.ndarray, "r k"]:
         rows[others] -= np.outer(rows[others, column], rows[i])
         done.append(int(column))
     return rows
+
+
+def identifiability(
+    slopes: NDArray[np.float64], unknowns: Unknowns, u: NDArray[np.float64], ends: NDArray[np.int64]
+) -> tuple[tuple[str, ...], tuple[Undetermined, ...]]:
+    """Names without influence on any reading, and what else the data do not determine, at a minimum.
+
+    Args:
+        slopes: derivatives of the residuals by the coordinates u.
+        ends: which of them lie at a bound.
+    """
+    idle = without_influence(slopes, unknowns.names)
+    kept = [i for i, name in enumerate(unknowns.names) if name not in idle and not ends[i]]
+    relative, logarithmic = _relative(unknowns, u)
+    inner = slopes[kept] * relative[kept, None]
+    prior = (unknowns.prior_slopes * relative)[kept] ** 2
+    names = [unknowns.names[i] for i in kept]
+    return idle, undetermined(inner @ inner.T, prior, names, logarithmic[kept])
+
+
+def _relative(unknowns: Unknowns, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Slopes of the coordinates by the logarithm of the values, and where they are these.
+
+    What may be zero, but is not near it, such as the force of a friction, is told apart from others by its
+    ratio to them as well as what is always positive. An offset or an initial state adds to something.
+    """
+    values = unknowns.values(u)
+    machines = np.array([of_machine(entry.place.path) for entry in unknowns.entries])
+    away = machines & ~unknowns.logarithmic & (np.abs(values) >= unknowns.scale)
+    return np.where(away, values / unknowns.scale, 1.0), unknowns.logarithmic | away

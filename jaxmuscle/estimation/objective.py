@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 
 from jaxmuscle._config import cores
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.dataset import Station
+from jaxmuscle.estimation.fingerprint import digest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.residuals import BROKEN, moved, values_and_chosen_slopes, values_and_slopes
+from jaxmuscle.estimation.serialization import arrays, plain, restored
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.optimization.levenberg_marquardt import Local
 from jaxmuscle.parameters import get
@@ -51,6 +54,8 @@ def divided(
 
 
 Vector = NDArray[np.float64]
+WRITTEN_EVERY = 1.0
+"""Seconds between two writings of a checkpoint of evaluations, which may take only milliseconds each."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +78,7 @@ class Objective:
     Attributes:
         width: points that are evaluated in one program; any number of them is, in parts.
         program: what evaluates it; a program of these unknowns alone when `None`.
+        checkpoint: keeps what :meth:`at` gives for a fit that goes on after an interruption.
     """
 
     stations: Sequence[Station]
@@ -80,6 +86,7 @@ class Objective:
     loss: Loss
     width: int = 1
     program: SharedProgram | None = None
+    checkpoint: Checkpoint = NOTHING_KEPT
 
     @cached_property
     def samples(self) -> int:
@@ -98,6 +105,25 @@ class Objective:
 
     def at(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""
+        if self.checkpoint is NOTHING_KEPT:
+            return self._evaluated(points)
+        return self.checkpoint.recall(
+            "evaluation",
+            [(self._fingerprint, point) for point in points],
+            lambda new: self._evaluated(points[new]),
+            plain,
+            lambda record: Local(**arrays(restored(record), "gradient", "matrix")),
+            WRITTEN_EVERY,
+        )
+
+    @cached_property
+    def _fingerprint(self) -> str:
+        """A hash of all but the point that an evaluation depends on."""
+        stations = [(s.actuator, s.problem, s.begins) for s in self.stations]
+        loss = type(self.loss).__qualname__, vars(self.loss)
+        return digest(stations, self.unknowns.entries, loss, self.width, self.program)
+
+    def _evaluated(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         size = len(self.unknowns)
         cost, bad = np.zeros(len(points)), np.zeros(len(points), dtype=int)
         gradient, matrix = np.zeros((len(points), size)), np.zeros((len(points), size, size))

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 import jaxmuscle.diagnosis as package
 from jaxmuscle.cli import BAD_INPUT, INTERRUPTED, app
-from jaxmuscle.diagnosis.checkpoint import BEGINNING, Checkpoint
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.checkpoint import BEGINNING, FORMAT, Checkpoint
 
 GOES_ON = "jaxmuscle: interrupted; the same command goes on where it was"
 
@@ -25,7 +25,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path | None]
         if resume is not None:
             resume.open({})
             assert resume.place is not None
-            resume.place.write_text(f"{BEGINNING}1}}")
+            resume.place.write_text(f"{BEGINNING}{FORMAT}}}")
         if held_out is not None:
             raise KeyboardInterrupt
         return diagnosis("effects found")
@@ -75,7 +75,7 @@ def test_it_is_in_a_folder_that_is_there(places: list[Path | None], tmp_path: Pa
     for out in ("out", "."):
         assert interrupted("--resume", "--out", out)[-1] == GOES_ON
     assert places == [Path("out/checkpoint.json"), Path("checkpoint.json")]
-    (tmp_path / "out.checkpoint.json").write_text(f"{BEGINNING}1}}")
+    (tmp_path / "out.checkpoint.json").write_text(f"{BEGINNING}{FORMAT}}}")
     interrupted("--resume", "--out", "out")
     assert places[-1] == Path("out.checkpoint.json")
 

@@ -14,16 +14,15 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis import candidate_search
-from jaxmuscle.diagnosis.checkpoint import BEGINNING, NOTHING_KEPT, Checkpoint, NotResumed, checkpoint_at
-from jaxmuscle.diagnosis.fingerprint import ORIGINS, digest, origin
-from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.settled_fit import SettledFit, as_record, from_record
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects import LoadDamping, LoadFriction
 from jaxmuscle.errors import InputError
+from jaxmuscle.estimation.checkpoint import BEGINNING, NOTHING_KEPT, Checkpoint, NotResumed, checkpoint_at
+from jaxmuscle.estimation.fingerprint import ORIGINS, digest, origin
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.optimization.levenberg_marquardt import CONVERGED
 from jaxmuscle.parameters import get, parameters, replace
-from jaxmuscle.progress import Meter
 
 MADE_FOR = dict.fromkeys(ORIGINS, "this")
 AWKWARD = 0.1 + 0.2
@@ -53,9 +52,15 @@ def recalled(checkpoint, model, of, fit=None):
 
     def compute():
         computed.append(True)
-        return fitted(model) if fit is None else fit
+        return [fitted(model) if fit is None else fit]
 
-    found = checkpoint.recall("settled", of, lambda: model, compute, lambda: None)
+    (found,) = checkpoint.recall(
+        "settled",
+        [of],
+        lambda _: compute(),
+        lambda fit: as_record(fit, model),
+        lambda record: from_record(record, model),
+    )
     return found, len(computed)
 
 
@@ -87,7 +92,7 @@ def test_a_model_as_it_was_comes_back(tmp_path, model):
 def test_nothing_is_kept_unless_asked(model, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert [recalled(NOTHING_KEPT, model, 1)[1] for _ in range(2)] == [1, 1]
-    with checkpoint_at(None, dict, Meter(lambda _: None)) as checkpoint:
+    with checkpoint_at(None, dict, silent, "fits") as checkpoint:
         recalled(checkpoint, model, 1)
     assert not list(tmp_path.iterdir())
 
@@ -123,7 +128,10 @@ def test_threads_share_a_file(tmp_path, model):
 
 def test_what_ends_after_an_interruption_is_not_written(tmp_path, model):
     place = tmp_path / "a.json"
-    with pytest.raises(KeyboardInterrupt), checkpoint_at(place, lambda: MADE_FOR, silent()) as checkpoint:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        checkpoint_at(place, lambda: MADE_FOR, silent, "fits") as checkpoint,
+    ):
         recalled(checkpoint, model, 1)
         raise KeyboardInterrupt
     before = place.read_bytes()
@@ -138,23 +146,23 @@ def test_a_place_that_is_lost_on_the_way_is_told(tmp_path, model):
         recalled(checkpoint, model, 1)
 
 
-def silent():
-    return Meter(lambda _: None)
+def silent(text):
+    """Progress that goes nowhere."""
 
 
 def test_a_diagnosis_that_ends_well_leaves_nothing(tmp_path, model):
     place, told = tmp_path / "a.json", []
     recalled(opened(place), model, 1)
-    with checkpoint_at(str(place), lambda: MADE_FOR, Meter(told.append)) as checkpoint:
+    with checkpoint_at(str(place), lambda: MADE_FOR, told.append, "fits") as checkpoint:
         assert recalled(checkpoint, model, 1)[1] == 0
         recalled(checkpoint, model, 2)
     assert not list(tmp_path.iterdir())
-    assert told[0].doing == "going on with 1 fits that are finished"
+    assert told == ["going on with 1 fits that are finished"]
 
 
 def test_one_that_the_caller_made_is_the_callers_to_remove(tmp_path, model):
     given = Checkpoint(tmp_path / "a.json")
-    with checkpoint_at(given, lambda: MADE_FOR, silent()) as checkpoint:
+    with checkpoint_at(given, lambda: MADE_FOR, silent, "fits") as checkpoint:
         assert checkpoint is given
         recalled(checkpoint, model, 1)
     assert given.place is not None and given.place.exists()
@@ -182,11 +190,11 @@ def altered(content):
 
 
 def older(content):
-    return content.replace(b'int": 1', b'int": 0')
+    return content.replace(b'int": 2', b'int": 1')
 
 
 def other_keys(content):
-    return BEGINNING.encode() + b"1}"
+    return BEGINNING.encode() + b"2}"
 
 
 def nothing(content):
@@ -203,7 +211,7 @@ def test_a_broken_checkpoint_is_not_used_and_that_is_said(tmp_path, model, damag
     said = "it is of another version" if damage is older else "it is broken"
     with (
         pytest.warns(NotResumed, match=f"a.json: {said}.*not used"),
-        checkpoint_at(place, lambda: MADE_FOR, silent()) as checkpoint,
+        checkpoint_at(place, lambda: MADE_FOR, silent, "fits") as checkpoint,
     ):
         assert recalled(checkpoint, model, 1)[1] == 1
         assert opened(place).taken_over == 1
@@ -235,18 +243,18 @@ def test_a_place_that_is_none(tmp_path, monkeypatch, place, message):
 
 def test_what_tells_a_diagnosis_from_others():
     recording = jm.read(jm.sample("lift"))
-    first = origin(recording, [LoadFriction], (0.3, None))
+    first = origin([recording], [LoadFriction], (0.3, None))
 
     def differing(*arguments):
         return {part for part, value in origin(*arguments).items() if value != first[part]}
 
     assert first.keys() == ORIGINS.keys()
-    assert differing(jm.read(jm.sample("lift")), [LoadFriction], (0.3, None)) == set()
-    assert differing(recording.part(1, None), [LoadFriction], (0.3, None)) == {"recording"}
+    assert differing([jm.read(jm.sample("lift"))], [LoadFriction], (0.3, None)) == set()
+    assert differing([recording.part(1, None)], [LoadFriction], (0.3, None)) == {"recording"}
     heavier = dataclasses.replace(recording, card=recording.card.updated({"valve_area": (1e-6, 1e-8)}))
-    assert differing(heavier, [LoadFriction], (0.3, None)) == {"card"}
-    assert differing(recording, [LoadFriction], (0.3, {"position": np.arange(3) > 1})) == {"settings"}
-    assert differing(recording, [LoadFriction, LoadDamping], (0.3, None)) == {"code", "settings"}
+    assert differing([heavier], [LoadFriction], (0.3, None)) == {"card"}
+    assert differing([recording], [LoadFriction], (0.3, {"position": np.arange(3) > 1})) == {"settings"}
+    assert differing([recording], [LoadFriction, LoadDamping], (0.3, None)) == {"code", "settings"}
 
 
 def test_code_of_ones_own_counts(tmp_path, monkeypatch):
@@ -258,7 +266,7 @@ def test_code_of_ones_own_counts(tmp_path, monkeypatch):
     recording, found = jm.read(jm.sample("lift")), []
     for code in ("class Drag: ...\n", "class Drag: ...  # edited\n", "class Drag: ...\n"):
         file.write_text(code)
-        found.append(origin(recording, [own], None)["code"])
+        found.append(origin([recording], [own], None)["code"])
     assert found[0] == found[2] != found[1]
 
 

@@ -1,4 +1,4 @@
-"""Fingerprint of a diagnosis: what tells it from any other, and a hash of all that a fit depends on."""
+"""Fingerprint of a diagnosis or a fit: what tells it from any other, and a hash of all that it depends on."""
 
 from __future__ import annotations
 
@@ -15,31 +15,28 @@ import jax
 import numpy as np
 
 import jaxmuscle
-from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
 
 
-def origin(recording: Recording, effects: Sequence[type[AbstractEffect]], settings: object) -> dict[str, str]:
-    """What tells a diagnosis from any other, part by part (:data:`ORIGINS`).
+def origin(recordings: Sequence[Recording], kinds: Sequence[type], settings: object) -> dict[str, str]:
+    """What tells a diagnosis or a fit from any other, part by part (:data:`ORIGINS`).
 
     Code of one's own counts file by file, in a notebook class by class.
 
     Args:
-        effects: those that are sought.
+        kinds: the rig, and effects: classes whose code counts.
         settings: all else that was asked for.
     """
-    card = dataclasses.replace(recording.card, description="", file=None, text=None)
-    data = (recording.time, recording.step, recording.columns, recording.breaks)
-    rows = (recording.ignored, recording.held_out, [each.first for each in recording.joined_from])
+    cards = [dataclasses.replace(r.card, description="", file=None, text=None) for r in recordings]
+    data = [(r.time, r.step, r.columns, r.breaks) for r in recordings]
+    rows = [(r.ignored, r.held_out, [each.first for each in r.joined_from]) for r in recordings]
     device = jax.local_devices()[0].device_kind
-    kinds = [type(actuator_from_card(recording.card)), *effects]
     return {
         "version": ", ".join([jaxmuscle.__version__, jax.__version__, np.__version__, device]),
         "code": digest(_package_code(), [(each.__qualname__, _code_of(each)) for each in kinds]),
         "recording": digest(data, rows),
-        "card": digest(card.to_toml()),
-        "settings": digest(settings, [each.__qualname__ for each in effects]),
+        "card": digest([card.to_toml() for card in cards]),
+        "settings": digest(settings, [each.__qualname__ for each in kinds]),
     }
 
 
