@@ -79,8 +79,9 @@ class Guess:
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """A column of a table that may be a signal; `values` are those of its entries that are numbers, and `times`
-    says whether the file has it as the clock of others.
+    """A column of a table that may be a signal.
+
+    `values` are those of its entries that are numbers; `times`: whether the file has it as a clock of others.
     """
 
     column: str

@@ -79,7 +79,7 @@ def file_of(path: Path) -> Path:
     got = f"got {path.suffix!r}" if path.suffix else "got none"
     raise InputError(
         f"{path}: expected a table with the ending {', '.join(SUFFIXES)}; {got}. Nor is it a LeRobot dataset "
-        f"or DATASET/episode_000000: there is no {lerobot_layout.INFO}. Nor is it the folder of a bag of ROS 2: "
+        f"or DATASET/episode_000000: there is no {lerobot_layout.INFO}, nor the folder of a bag of ROS 2: "
         f"there is no metadata.yaml"
     )
 
