@@ -6,6 +6,7 @@ import html
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from report.fake import diagnosis
 
@@ -14,6 +15,7 @@ from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.formatting import capital, words
 from jaxmuscle.report import tables
 from jaxmuscle.report.doubts import doubts
+from jaxmuscle.report.figures import correlation_figure
 from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
 
@@ -156,3 +158,16 @@ def test_few_stretches_are_told() -> None:
     told = doubts(dataclasses.replace(found, rounds=searches))
     assert any("Only 4 stretches" in each and "below 0.06" in each for each in told)
     assert not any("stretches" in each for each in doubts(found))
+
+
+def test_symbols_have_subscripts() -> None:
+    text = page(diagnosis("effects found"))
+    assert "a constant force (on a joint a torque) F<sub>c</sub>." in text
+    assert "static friction coefficient f<sub>s</sub>/n" in text
+
+
+def test_correlations_leave_out_the_diagonal_and_signs_of_nothing() -> None:
+    matrix = np.array([[1.0, -0.001, -0.5], [-0.001, 1.0, 0.004], [-0.5, 0.004, 1.0]])
+    (axes,) = correlation_figure(pd.DataFrame(matrix, columns=list("abc"), index=list("abc"))).axes
+    assert sorted({text.get_text() for text in axes.texts}) == ["0.00", "−0.50"]
+    assert len(axes.texts) == 6
