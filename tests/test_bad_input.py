@@ -49,8 +49,8 @@ INPUTS = {
     "options": 3000,
     "names": 3500,
     "gains": 1500,
-    "arguments": 4200,
-    "files": 1300,
+    "arguments": 4600,
+    "files": 900,
 }
 """Kind of input → how many are made."""
 LONGEST = 20.0
