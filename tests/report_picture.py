@@ -1,6 +1,7 @@
 """Draw the beginning of a report, as a browser shows it, into the documentation.
 
-``jaxmuscle diagnose && python tests/report_picture.py jaxmuscle-lift/report.html`` writes ``docs/report.png``.
+``python tests/report_picture.py jaxmuscle-lift/report.html`` writes ``docs/report.png`` after ``jaxmuscle
+diagnose``.
 """
 
 import sys
