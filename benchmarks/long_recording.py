@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
@@ -48,7 +49,9 @@ def write_recording(folder: Path, rows: int) -> Path:
     """A table ``long.csv`` with its card, in `folder`."""
     random = np.random.default_rng(7)
     card = jm.read(jm.sample("lift")).card
-    rubbing = jm.actuator(card).with_effects(load_friction=jm.effects.LoadFriction(force=FRICTION))
+    rubbing = jm.actuator(card).with_effects(
+        load_friction=jm.effects.LoadFriction(force=jnp.asarray(FRICTION))
+    )
     changes = np.cumsum(random.integers(100, 500, size=rows // 100 + 1))
     levels = random.choice(LEVELS, size=changes.size)
     command = levels[np.searchsorted(changes, np.arange(rows), side="right")]
