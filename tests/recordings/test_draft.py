@@ -172,6 +172,15 @@ def test_typical_values_are_those_of_the_samples() -> None:
                 assert card.quantities[quantity].value == pytest.approx(value, abs=spread), quantity
 
 
+def test_an_unknown_effect_may_be_the_users_own(lift) -> None:
+    text = lift.card.read_text()
+    lift.card.write_text(text.replace("thread_friction", "thred_friction"))
+    told = "\n".join(survey(lift.card).faults)
+    assert "did you mean 'thread_friction'? Is it your own? Then jaxmuscle.effects.register it" in told
+    lift.card.write_text(text.replace('"isotonic"', '"xyz"'))
+    assert ". Is it your own? Then" in "\n".join(survey(lift.card).faults)
+
+
 def test_a_sound_card_has_no_faults(lift) -> None:
     found = survey(lift.card)
     assert found.faults == () and found.card == Card.read(lift.card)
