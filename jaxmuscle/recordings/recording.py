@@ -86,7 +86,7 @@ class Recording:
         """What a notebook shows: every column with its range and course, and what the card says."""
         return _view(self).html()
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """What a terminal shows: every column with its range, and what the card leaves open."""
         return _summary(self)
 
