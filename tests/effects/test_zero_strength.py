@@ -161,9 +161,7 @@ def test_changes_something_otherwise(rig, effect):
     strong = bench.model(rig, **needed, **{effect.name: strength})
     assert parameters(strong)[path].value == get(strong, path) != 0
     with_effect = jax.vmap(lambda lane: outcome(strong, rig, *lane))(random_lanes(rig))
-    pairs = zip(
-        jax.tree.leaves(bare_outcomes(rig, tuple(needed))), jax.tree.leaves(with_effect), strict=True
-    )
+    pairs = zip(jax.tree.leaves(bare_outcomes(rig, tuple(needed))), jax.tree.leaves(with_effect), strict=True)
     assert any(np.any(a != b) for a, b in pairs)
 
 
