@@ -31,7 +31,8 @@ from jaxmuscle.estimation.parameter_layout import layout
 from jaxmuscle.estimation.prepare import prepared
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.residuals import residual_vector
-from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, descend
+from jaxmuscle.optimization.descents import Limits, Local
+from jaxmuscle.optimization.levenberg_marquardt import descend
 from jaxmuscle.parameters import get
 
 FREE = ("valve_area", "valve_time_constant", "polytropic_exponent", "initial_radius", "end_factor", "mass",

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from jaxmuscle._config import cores
 from jaxmuscle.estimation.multistart import side_by_side
 from jaxmuscle.estimation.objective import Objective
-from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, descend
+from jaxmuscle.optimization.descents import Limits, Local
+from jaxmuscle.optimization.levenberg_marquardt import descend
 
 MANY_RUNS = 3
 STARTS = 20

@@ -55,6 +55,7 @@ ON_THE_SIDE = {
 """Data, settings and mathematics that any may import, and what they may import themselves."""
 MINIMISER = {
     "jaxmuscle.optimization",
+    "jaxmuscle.optimization.descents",
     "jaxmuscle.optimization.levenberg_marquardt",
     "jaxmuscle.optimization.least_squares",
 }

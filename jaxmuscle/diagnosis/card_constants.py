@@ -13,7 +13,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.estimation.windows import Case
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.parameter_names import CONSTANT
 from jaxmuscle.parameters import Parameter, parameters
 from jaxmuscle.units import RANGES

@@ -37,11 +37,12 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.prepare import DISCREPANCY
 from jaxmuscle.estimation.request import Asked
-from jaxmuscle.estimation.windows import Case, Problem
+from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import in_background
 from jaxmuscle.parameter_names import of_effect
 from jaxmuscle.parameters import get, replace

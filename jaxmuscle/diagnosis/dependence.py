@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jaxmuscle.diagnosis.diagnosis_data import Error, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
-from jaxmuscle.estimation.windows import Case
+from jaxmuscle.estimation.case import Case
 
 Series = NDArray[np.float64]
 

@@ -31,11 +31,11 @@ from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
+from jaxmuscle.estimation.case import case, check_held_out, check_parts
 from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask, usable
 from jaxmuscle.estimation.outliers import sensor_outliers
-from jaxmuscle.estimation.windows import case, check_held_out, check_parts
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.sensing import sensed
 from jaxmuscle.actuators.variables import Link, rate_unit
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.padding import longer_track
-from jaxmuscle.estimation.windows import Case, bucket
+from jaxmuscle.estimation.windows import bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
 from jaxmuscle.simulation.sensor_errors import shown_readings, true_track

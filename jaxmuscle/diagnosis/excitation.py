@@ -13,7 +13,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, shapes, strength_path
 from jaxmuscle.diagnosis.discrepancy import rates_and_readings
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.estimation.windows import Case
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.recordings.smoothing import noise_level
 from jaxmuscle.simulation import Track

@@ -19,8 +19,9 @@ from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.weights import expected_spread
-from jaxmuscle.estimation.windows import Case, Problem
+from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import in_background
 from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter

@@ -21,7 +21,7 @@ from jaxmuscle.diagnosis.dependence import Series, dependence, explained, variab
 from jaxmuscle.diagnosis.diagnosis_data import Reveal
 from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
 from jaxmuscle.effects.base import COMMANDED, LOG_TIME, LOOP, TIME, VARIABLE
-from jaxmuscle.estimation.windows import Case
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.parameters import replace
 from jaxmuscle.recordings.schema import imposed_columns
 from jaxmuscle.signals import COMMAND, TIP_POSITION

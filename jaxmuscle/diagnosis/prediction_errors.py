@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.diagnosis_data import Error
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.residuals import evaluate_chain, freed
-from jaxmuscle.estimation.windows import Case, Problem
+from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.recordings.smoothing import WINDOWS
 
 REACH = max(WINDOWS) // 2

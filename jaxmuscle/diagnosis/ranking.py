@@ -30,7 +30,7 @@ from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.levenberg_marquardt import FAILED
+from jaxmuscle.optimization.descents import FAILED
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
 from jaxmuscle.progress import Meter

@@ -13,7 +13,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.serialization import plain, restored
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED
+from jaxmuscle.optimization.descents import CONVERGED, STALLED
 from jaxmuscle.parameters import parameters, replace
 
 SETTLED = (CONVERGED, STALLED)

@@ -1,17 +1,16 @@
-"""Workbench of a diagnosis: models that carry many candidates in few structures, so that hundreds of fits
-share few compilations, and how they are fitted.
-"""
+"""Workbench of a diagnosis: how its models are fitted, in programs that they share, and what they leave."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
+from jaxmuscle.diagnosis.candidate_models import CandidateModels
+from jaxmuscle.diagnosis.candidates import carries_state, loaded
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.settled_fit import (
     Factors,
@@ -23,20 +22,19 @@ from jaxmuscle.diagnosis.settled_fit import (
     weight_factors,
 )
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.dataset import Station
-from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
+from jaxmuscle.estimation.free_parameters import moved_machine
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
-from jaxmuscle.estimation.parameter_layout import unknown_within
-from jaxmuscle.estimation.request import Bounds
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
 from jaxmuscle.estimation.weights import Discrepancy
-from jaxmuscle.estimation.windows import Case, Problem
-from jaxmuscle.optimization.levenberg_marquardt import Lane, Limits, Tolerances, descend
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.optimization.descents import Lane, Limits, Tolerances
+from jaxmuscle.optimization.levenberg_marquardt import descend
 from jaxmuscle.parallel import on_all_cores
-from jaxmuscle.parameters import Parameter, get, parameters, replace
 
 SPARE = 6
 """Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
@@ -65,96 +63,18 @@ REWEIGHTINGS, ALIKE = 8, 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Workbench:
-    """A declared model, the candidates, and how they are fitted.
-
-    Candidates without a state of their own cost next to nothing at zero strength: every model carries them
-    all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
-    all of them where one is tried or has been added, and none otherwise, but for those that are `carried`
-    always. Two structures are compiled; one for each candidate with a state took 52 s of a core where these
-    two take 36.
+class Workbench(CandidateModels):
+    """The models of a diagnosis, its recording, and how the ones are fitted to the other.
 
     Attributes:
         case: the recording, made ready.
-        model: the declared machine with every candidate without a state, at zero strength.
-        declared: paths of the parameters that the card calls uncertain.
-        priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         width: number of tangents of a fit.
-        constants: constants of the card that may be wrong; they are candidates too, in every model.
-        carried: names of candidates with a state that every model carries.
         checkpoint: keeps what is finished for a diagnosis that goes on after an interruption.
     """
 
     case: Case
-    model: AbstractActuator
-    candidates: tuple[type[AbstractEffect], ...]
-    declared: tuple[str, ...]
-    priors: Mapping[str, Prior]
     width: int
-    carried: tuple[str, ...] = ()
-    constants: tuple[CardConstant, ...] = ()
     checkpoint: Checkpoint = NOTHING_KEPT
-
-    @property
-    def changing(self) -> list[type[AbstractEffect]]:
-        """Candidates with a state that not every model carries."""
-        return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
-
-    def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
-        """`model` carrying every candidate that has a state if `names` has one, else none.
-
-        Those that are not in `names` are at zero strength.
-        """
-        stateful = self.changing
-        wanted = [effect.name for effect in stateful if effect.name in names]
-        bare = model.without_effects(*(effect.name for effect in stateful))
-        had = {name: model.effects[name] for name in wanted if name in model.effects}
-        carried = {e.name: had.get(e.name, e()) for e in stateful} if wanted else {}
-        return bare.with_effects(**carried)
-
-    def order(self, model: AbstractActuator) -> list[str]:
-        """Every path that a fit of a model of this structure may ever move."""
-        carried = [effect.name for effect in self.candidates if effect.name in model.effects]
-        constants = (constant.path for constant in self.constants)
-        effects = (path for name in carried for path in paths_of(model, name))
-        return list(dict.fromkeys([*self.declared, *constants, *effects]))
-
-    def shape_priors(self, model: AbstractActuator, names: Sequence[str]) -> dict[str, Prior]:
-        """Weak priors on the parameters of effects other than their strengths: their value, by its size.
-
-        They keep a time constant or a threshold that the data say nothing of where it began.
-        """
-        entries, defaults = parameters(model), loaded(self.model, self.candidates)
-        strengths = {strength_path(e) for e in (*self.candidates, *self.constants)}
-        priors = {}
-        for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
-            default = float(get(defaults, path))
-            size = entries[path].typical or abs(default)
-            centre = float(get(model, path)) if entries[path].positive else default
-            priors[path] = Prior(centre, abs(centre) if entries[path].positive else size)
-        return priors
-
-    def free_paths(self, model: AbstractActuator, effects: Sequence[str]) -> list[str]:
-        """Paths that a fit moves: the declared ones and those of `effects`, effects or constants."""
-        own = (path for name in effects for path in paths_of(model, name))
-        return list(dict.fromkeys([*self.declared, *own]))
-
-    def freed(self, names: Sequence[str]) -> dict[str, CardConstant]:
-        """Path → constant of the card that is among `names`, and so free of what the card says of it."""
-        return {constant.path: constant for constant in self.constants if constant.name in names}
-
-    def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
-        """The vector of the parameters `paths`, from their values in `model`, with their priors."""
-        priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
-        freed = self.freed(effects)
-        return Unknowns(
-            [
-                _unknown(entries[path], None, (freed[path].lower, freed[path].upper))
-                if path in freed
-                else _unknown(entries[path], priors.get(path))
-                for path in paths
-            ]
-        )
 
     def objective(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
@@ -176,10 +96,6 @@ class Workbench:
     def program(self, model: AbstractActuator) -> SharedProgram:
         """What evaluates every fit of models of one structure."""
         return SharedProgram(tuple(self.order(model)), self.width)
-
-    def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
-        """`model` with its declared parameters back at the values of the card."""
-        return replace(model, {path: prior.mean for path, prior in self.priors.items()})
 
     def best_fit(
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
@@ -353,18 +269,13 @@ def workbench(
     names = tuple(effect.name for effect in carried)
     model = loaded(case.actuator, held)
     return Workbench(
-        case,
         model,
         tuple(candidates),
         tuple(priors),
         dict(priors),
-        width,
         names,
         tuple(constants),
+        case,
+        width,
         checkpoint,
     )
-
-
-def _unknown(entry: Parameter, prior: Prior | None, bounds: Bounds = (None, None)) -> Unknown:
-    """One entry of the vector, from its value in the model."""
-    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, bounds)

@@ -14,10 +14,11 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.missing_data import Mask
 from jaxmuscle.estimation.padding import in_buckets, longer, padded, vector_without_padding
 from jaxmuscle.estimation.residual_layout import ResidualLayout
-from jaxmuscle.estimation.windows import Problem, case
+from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.recordings.recording import Recording
 
 

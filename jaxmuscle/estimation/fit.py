@@ -51,7 +51,7 @@ from jaxmuscle.estimation.request import Asked, Bounds, PriorLike
 from jaxmuscle.estimation.residual_analysis import residual_tests, series
 from jaxmuscle.estimation.summary import notes, summary, view
 from jaxmuscle.estimation.weights import with_discrepancy, with_estimated_noise
-from jaxmuscle.optimization.levenberg_marquardt import Course, Lane, Limits, Local
+from jaxmuscle.optimization.descents import Course, Lane, Limits, Local
 from jaxmuscle.optimization.optimistix_solver import steps_by
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Recording

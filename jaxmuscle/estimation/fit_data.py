@@ -18,7 +18,7 @@ from jaxmuscle.estimation.intervals import Fitted, Noise, Profile, StartOutcome
 from jaxmuscle.estimation.multistart import Found
 from jaxmuscle.estimation.nonsmooth import RoughWindow
 from jaxmuscle.estimation.residual_analysis import ResidualTest
-from jaxmuscle.optimization.levenberg_marquardt import FAILED, Lane
+from jaxmuscle.optimization.descents import FAILED, Lane
 from jaxmuscle.parameter_names import ByName, Value, spelled
 from jaxmuscle.parameters import Declaration
 from jaxmuscle.recordings.card import Card

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.estimation.covariance import Covariance, Minimum
 from jaxmuscle.estimation.free_parameters import Unknowns
-from jaxmuscle.optimization.levenberg_marquardt import CONVERGED, STALLED, Lane, Limits, Local, descend
+from jaxmuscle.optimization.descents import CONVERGED, STALLED, Lane, Limits, Local
+from jaxmuscle.optimization.levenberg_marquardt import descend
 from jaxmuscle.parameters import Declaration
 
 OPEN_STEP = 0.2

@@ -15,16 +15,8 @@ from jaxmuscle.estimation.deferred_correction import refined
 from jaxmuscle.estimation.initial_states import loosened
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.weights import weighted
-from jaxmuscle.optimization.levenberg_marquardt import (
-    BUDGET,
-    FAILED,
-    Course,
-    Lane,
-    Limits,
-    Local,
-    best,
-    descend,
-)
+from jaxmuscle.optimization.descents import BUDGET, FAILED, Course, Lane, Limits, Local, best
+from jaxmuscle.optimization.levenberg_marquardt import descend
 
 PARTS = (40, 16, 4)
 """Parts of a window on which starts are brought down first, one after the other.

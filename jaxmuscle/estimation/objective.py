@@ -5,9 +5,7 @@ and Gauss-Newton matrix, for several points at once on all cores.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 
 import jax.numpy as jnp
@@ -15,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from jaxmuscle._config import cores
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.dataset import Station
@@ -25,15 +22,11 @@ from jaxmuscle.estimation.losses import Loss
 from jaxmuscle.estimation.residuals import BROKEN, moved, values_and_chosen_slopes, values_and_slopes
 from jaxmuscle.estimation.serialization import arrays, plain, restored
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.levenberg_marquardt import Local
+from jaxmuscle.optimization.descents import Local
+from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import get
 
 Arrays = tuple[NDArray[np.float64], ...]
-
-
-@functools.cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cores(), thread_name_prefix="fit")
 
 
 def divided(
@@ -49,7 +42,7 @@ def divided(
     parts = -(-len(points) // width)
     filled = np.concatenate([points, np.repeat(points[-1:], parts * width - len(points), axis=0)])
     pieces = np.split(filled, parts)
-    found = [evaluate(pieces[0])] if parts == 1 else list(_pool().map(evaluate, pieces))
+    found = on_all_cores(evaluate, pieces)
     return tuple(np.concatenate(each)[: len(points)] for each in zip(*found, strict=True))
 
 

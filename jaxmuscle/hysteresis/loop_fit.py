@@ -13,8 +13,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.hysteresis.operators import AbstractHysteresis, respond
+from jaxmuscle.optimization.descents import LONGEST_STEP
 from jaxmuscle.optimization.least_squares import least_squares, with_jacobian
-from jaxmuscle.optimization.levenberg_marquardt import LONGEST_STEP
 from jaxmuscle.parameters import get, parameters, replace
 
 Model = TypeVar("Model", bound=eqx.Module)

@@ -14,16 +14,8 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.optimization.levenberg_marquardt import (
-    CONVERGED,
-    LONGEST_STEP,
-    Lane,
-    Limits,
-    Local,
-    Tolerances,
-    best,
-    descend,
-)
+from jaxmuscle.optimization.descents import CONVERGED, LONGEST_STEP, Lane, Limits, Local, Tolerances, best
+from jaxmuscle.optimization.levenberg_marquardt import descend
 
 Vector = NDArray[np.float64]
 Residuals = Float[np.ndarray, " n"]

@@ -19,17 +19,8 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.optimization.levenberg_marquardt import (
-    CONVERGED,
-    ROUNDING,
-    STALLED,
-    STEPS,
-    Lane,
-    Limits,
-    Local,
-    Quadratic,
-    scale,
-)
+from jaxmuscle.optimization.descents import CONVERGED, STALLED, STEPS, Lane, Limits, Local, scale
+from jaxmuscle.optimization.levenberg_marquardt import ROUNDING, Quadratic
 
 Vector = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ import numpy as np
 from jaxmuscle.errors import InputError, Problems
 from jaxmuscle.parameter_names import resolve, spelled
 from jaxmuscle.recordings import schema
-from jaxmuscle.recordings.card import entry_text
 from jaxmuscle.recordings.clocks import holds_stamps
 from jaxmuscle.recordings.column_guess import Guess, guess_columns
 from jaxmuscle.recordings.data_sheets import PARTS, sheet_quantities
@@ -29,6 +28,7 @@ from jaxmuscle.recordings.schema import (
     written_quantity,
 )
 from jaxmuscle.recordings.table import Table
+from jaxmuscle.recordings.toml_documents import entry_text
 from jaxmuscle.recordings.typical import card_unit, default_in_card, meaning_in_card, rig_in_words, typical
 from jaxmuscle.units import STANDARD_ATMOSPHERE, from_si, to_si
 

@@ -21,7 +21,7 @@ from jaxmuscle.control.loop import ClosedLoop, closed_loop
 from jaxmuscle.control.sliding_mode import Reference, target_of
 from jaxmuscle.control.stability_margins import loop_response, sensitivity
 from jaxmuscle.estimation.free_parameters import Unknowns
-from jaxmuscle.optimization.levenberg_marquardt import Local
+from jaxmuscle.optimization.descents import Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
 from jaxmuscle.tuning.cases import Case, Sensed, Stacked

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.estimation.free_parameters import at_bound, settled
 from jaxmuscle.formatting import quantity
-from jaxmuscle.optimization.levenberg_marquardt import BUDGET, FAILED, STEPS, Lane
+from jaxmuscle.optimization.descents import BUDGET, FAILED, STEPS, Lane
 from jaxmuscle.tuning.cost_terms import TERMS, units
 from jaxmuscle.tuning.evaluation import MOST_FORWARD, Evaluation, Seen
 from jaxmuscle.tuning.gains import gain_unit

@@ -14,7 +14,8 @@ from scipy.stats import qmc
 
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.free_parameters import settled
-from jaxmuscle.optimization.levenberg_marquardt import FAILED, Course, Lane, Limits, Tolerances, best, descend
+from jaxmuscle.optimization.descents import FAILED, Course, Lane, Limits, Tolerances, best
+from jaxmuscle.optimization.levenberg_marquardt import descend
 from jaxmuscle.optimization.optimistix_solver import bfgs, steps_by
 from jaxmuscle.tuning.evaluation import Evaluation
 

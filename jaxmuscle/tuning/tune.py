@@ -22,7 +22,7 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.request import Bounds, factors, seconds, whole
 from jaxmuscle.estimation.starting_points import given_starts, spread_starts
-from jaxmuscle.optimization.levenberg_marquardt import best
+from jaxmuscle.optimization.descents import best
 from jaxmuscle.tuning.cases import Stacked, stacked
 from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig

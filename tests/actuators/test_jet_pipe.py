@@ -60,19 +60,25 @@ def test_a_delay_between_samples_switches_the_current_where_it_does(delay):
     assert bench.deviation(readings["force"], force) < 5e-3
 
 
-@pytest.mark.parametrize("lag", [None, 1e-3])
-@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
-def test_slopes_by_a_delay_are_those_of_one_side(delay, lag):
-    lagging = {} if lag is None else {"force_sensor_lag": {"time_constant": lag}}
+@pytest.fixture(scope="module", params=[None, 1e-3], ids=["without lag", "with a lag"])
+def by_delay(request):
+    """Readings as a function of the delay, and their slopes, compiled for all delays."""
+    lagging = {} if request.param is None else {"force_sensor_lag": {"time_constant": request.param}}
 
     def readings(late):
         actuator = bench.model("jet-pipe", CARRIED, command_delay={"delay": late}, **lagging)
         out = bench.simulate(actuator, track(COMMAND[:60]), 2).readings
         return jnp.stack([out["current"] / 0.4, out["force"] / 50.0])
 
+    return jax.jit(readings), jax.jit(jax.vmap(jax.jacfwd(readings)))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
+def test_slopes_by_a_delay_are_those_of_one_side(by_delay, delay):
+    readings, slopes = by_delay
     at, h = jnp.asarray(delay), 1e-8
-    slope = jax.jit(jax.vmap(jax.jacfwd(readings)))(at[None])[0]
-    difference = (jax.jit(readings)(at + h) - jax.jit(readings)(at)) / h
+    slope = slopes(at[None])[0]
+    difference = (readings(at + h) - readings(at)) / h
     np.testing.assert_allclose(slope, difference, rtol=1e-3, atol=1e-3 * float(jnp.abs(slope).max()))
 
 

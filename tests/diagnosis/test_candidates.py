@@ -25,7 +25,7 @@ from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
 from jaxmuscle.effects import BY_NAME, CATALOGUE
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get, replace
 
 

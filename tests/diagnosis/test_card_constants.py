@@ -17,7 +17,7 @@ from jaxmuscle.diagnosis.ranking import Candidate, Ranking
 from jaxmuscle.diagnosis.verdict import doubted
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import LoadFriction
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.page import page

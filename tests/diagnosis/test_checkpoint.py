@@ -21,7 +21,7 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.checkpoint import BEGINNING, NOTHING_KEPT, Checkpoint, NotResumed, checkpoint_at
 from jaxmuscle.estimation.fingerprint import ORIGINS, digest, origin
 from jaxmuscle.estimation.weights import Discrepancy
-from jaxmuscle.optimization.levenberg_marquardt import CONVERGED
+from jaxmuscle.optimization.descents import CONVERGED
 from jaxmuscle.parameters import get, parameters, replace
 
 MADE_FOR = dict.fromkeys(ORIGINS, "this")

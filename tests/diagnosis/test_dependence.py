@@ -5,7 +5,7 @@ import pytest
 
 from jaxmuscle.diagnosis.dependence import dependence, variables
 from jaxmuscle.diagnosis.discrepancy import MissingRate
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.recordings import read
 from jaxmuscle.samples import sample
 

@@ -8,7 +8,7 @@ from oracles.isotonic import isotonic
 from oracles.recorded import NOISE, clock, driven_card, driven_recording, isotonic_card, smooth_motion
 
 from jaxmuscle.diagnosis.discrepancy import missing_rates
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.recordings.recording import Recording
 
 FRICTION = 25.0

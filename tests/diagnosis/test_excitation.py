@@ -16,7 +16,7 @@ from jaxmuscle.diagnosis.excitation import (
     training_segments,
 )
 from jaxmuscle.effects import CATALOGUE
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.recordings.joining import joined
 
 NOISE = 0.3

@@ -10,7 +10,7 @@ from jaxmuscle.diagnosis.pairs import best_pairs, needed
 from jaxmuscle.diagnosis.ranking import rank
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import BladderStiffness, ForceSensorNonlinearity, PressureDependentEnds, ThreadFriction
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.progress import Meter
 
 STIFF = {"stiffness": 400.0, "threshold_pressure": 5e4}

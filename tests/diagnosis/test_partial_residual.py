@@ -23,7 +23,7 @@ from jaxmuscle.effects import (
     PressureDependentEnds,
 )
 from jaxmuscle.effects.base import COMMANDED, LOG_TIME, LOOP, TIME, VARIABLE
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.figure_style import styled
 from jaxmuscle.parameters import replace
 from jaxmuscle.report.figures import directions, reveal_figure, titles

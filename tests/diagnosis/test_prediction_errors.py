@@ -9,7 +9,7 @@ from oracles.isotonic import isotonic
 from oracles.recorded import clock, driven_card, driven_recording, isotonic_card
 
 from jaxmuscle.diagnosis.prediction_errors import begun
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import replace
 from jaxmuscle.recordings.recording import Recording
 

@@ -14,9 +14,9 @@ from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import LoadDamping, LoadFriction
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.weights import Discrepancy
-from jaxmuscle.estimation.windows import case
-from jaxmuscle.optimization.levenberg_marquardt import CONVERGED
+from jaxmuscle.optimization.descents import CONVERGED
 from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
 

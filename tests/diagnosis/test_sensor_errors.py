@@ -9,7 +9,7 @@ from oracles import bench
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.prediction_errors import predicted_columns
 from jaxmuscle.effects import CATALOGUE, reading_effect, reading_effects
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 
 NOISE = {"pressure": 300.0, "position": 5e-5}
 

@@ -9,9 +9,9 @@ from oracles.recorded import driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.residuals import evaluate, values_and_chosen_slopes
-from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, replace
 
 TRUE = {

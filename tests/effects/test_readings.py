@@ -14,8 +14,8 @@ import jaxmuscle as jm
 from jaxmuscle import InputError
 from jaxmuscle.effects import BY_NAME, CATALOGUE, effect_named, reading_effects
 from jaxmuscle.effects.readings import KINDS, Samples
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residuals import moved, residuals
-from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.simulation.sensor_errors import shown_readings, true_track, without_sensor_errors
 

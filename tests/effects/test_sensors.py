@@ -11,8 +11,8 @@ from oracles.bench import built
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import FURTHER, Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residuals import residuals
-from jaxmuscle.estimation.windows import case
 from jaxmuscle.signals import Signals
 from jaxmuscle.simulation.sensor_errors import true_track
 

@@ -1,5 +1,7 @@
 """At zero strength an effect changes nothing, to the last bit, whatever the state."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -60,6 +62,7 @@ SIZES = {
 }
 COMPANIONS = {"presliding": {"load_friction": {"force": 1e4}, "thread_friction": bench.THREADS}}
 """Effects without which one does nothing."""
+COMPANION_VALUES = {name: values for own in COMPANIONS.values() for name, values in own.items()}
 SHAPES = {
     "joint": {"pressure": (2,), "pressure_rate": (2,)},
     "elbow": {"plays": (10,)},
@@ -123,6 +126,19 @@ def outcome(actuator, rig, state, table, noise):
     return {n: r for n, r in rates.items() if n != "effects"}, readings
 
 
+@functools.cache
+def random_lanes(rig):
+    """States, histories and noise, one a lane."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *[drawn(rig, seed) for seed in range(LANES)])
+
+
+@functools.cache
+def bare_outcomes(rig, needed):
+    """What a machine gives that carries only what an effect needs beside it, by name."""
+    bare = bench.model(rig, **{name: COMPANION_VALUES[name] for name in needed})
+    return jax.vmap(lambda lane: outcome(bare, rig, *lane))(random_lanes(rig))
+
+
 def assert_identical(left, right):
     for a, b in zip(jax.tree.leaves(left), jax.tree.leaves(right), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -131,28 +147,21 @@ def assert_identical(left, right):
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
 def test_changes_nothing_at_zero_strength(rig, effect):
     needed = companions(rig, effect)
-    bare, carrying = bench.model(rig, **needed), bench.model(rig, [effect.name], **needed)
-    lanes = [drawn(rig, seed) for seed in range(LANES)]
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
-    without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)
-    with_effect = jax.vmap(lambda lane: outcome(carrying, rig, *lane))(stacked)
-    assert_identical(without, with_effect)
+    carrying, lanes = bench.model(rig, [effect.name], **needed), random_lanes(rig)
+    without = bare_outcomes(rig, tuple(needed))
+    assert_identical(without, jax.vmap(lambda lane: outcome(carrying, rig, *lane))(lanes))
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(without))
-    assert_identical(outcome(bare, rig, *lanes[0]), outcome(carrying, rig, *lanes[0]))
 
 
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
 def test_changes_something_otherwise(rig, effect):
     path = f"effects.{effect.name}.{effect.strength}"
     needed = companions(rig, effect)
-    bare = bench.model(rig, **needed)
     strength = {effect.strength: SIZES.get(effect.strength, 0.1)}
     strong = bench.model(rig, **needed, **{effect.name: strength})
     assert parameters(strong)[path].value == get(strong, path) != 0
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[drawn(rig, seed) for seed in range(LANES)])
-    without = jax.vmap(lambda lane: outcome(bare, rig, *lane))(stacked)
-    with_effect = jax.vmap(lambda lane: outcome(strong, rig, *lane))(stacked)
-    pairs = zip(jax.tree.leaves(without), jax.tree.leaves(with_effect), strict=True)
+    with_effect = jax.vmap(lambda lane: outcome(strong, rig, *lane))(random_lanes(rig))
+    pairs = zip(jax.tree.leaves(bare_outcomes(rig, tuple(needed))), jax.tree.leaves(with_effect), strict=True)
     assert any(np.any(a != b) for a, b in pairs)
 
 

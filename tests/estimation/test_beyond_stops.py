@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxmuscle as jm
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.missing_data import BEYOND, beyond_stops, usable
-from jaxmuscle.estimation.windows import case
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from oracles import bench
 from oracles.recorded import STDS, THREAD_STDS, driven_card, driven_recording
 
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import read
 from jaxmuscle.recordings.joining import joined

@@ -13,7 +13,7 @@ from oracles.joint import joint
 import jaxmuscle as jm
 from jaxmuscle.estimation.dataset import station
 from jaxmuscle.estimation.multistart import Search, _on_whole_windows, stages
-from jaxmuscle.optimization.levenberg_marquardt import Lane, Limits, Local
+from jaxmuscle.optimization.descents import Lane, Limits, Local
 
 
 def test_windows_are_cut_as_long_as_parts_have_samples():

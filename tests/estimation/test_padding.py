@@ -11,9 +11,10 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 import jaxmuscle as jm
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.padding import in_buckets, vector_without_padding, without_padding
 from jaxmuscle.estimation.residuals import evaluate, residuals, values_and_slopes
-from jaxmuscle.estimation.windows import FACTOR, bucket, case
+from jaxmuscle.estimation.windows import FACTOR, bucket
 from jaxmuscle.parameters import replace
 
 SAMPLES = 700

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import jaxmuscle as jm
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import evaluate, residual_vector
-from jaxmuscle.estimation.windows import case
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import pytest
 from estimation.made import TRUE, pulled
 
 import jaxmuscle as jm
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.dataset import aligned, station
 from jaxmuscle.estimation.losses import LOSSES
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.parameter_layout import layout
 from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.residuals import residuals, values_and_slopes
-from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import replace
 
 PATHS = (

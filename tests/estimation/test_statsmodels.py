@@ -20,7 +20,8 @@ from jaxmuscle.estimation.covariance import PARTS, covariance
 from jaxmuscle.estimation.free_parameters import Unknown, Unknowns
 from jaxmuscle.estimation.losses import LIMIT, Huber, Squares, Student
 from jaxmuscle.estimation.residual_analysis import Series
-from jaxmuscle.optimization.levenberg_marquardt import Limits, Local, Tolerances, descend
+from jaxmuscle.optimization.descents import Limits, Local, Tolerances
+from jaxmuscle.optimization.levenberg_marquardt import descend
 from jaxmuscle.parameters import Parameter
 
 ROWS, WINDOWS, COUNT = 600, 24, 3

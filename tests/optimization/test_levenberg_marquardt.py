@@ -9,21 +9,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from jaxmuscle.optimization.levenberg_marquardt import (
+from jaxmuscle.optimization.descents import (
     BUDGET,
     CONVERGED,
     FAILED,
-    FIRST_DAMPING,
-    RADIUS_TOLERANCE,
     STALLED,
     STEPS,
     Limits,
     Local,
-    Quadratic,
     Tolerances,
     best,
-    descend,
 )
+from jaxmuscle.optimization.levenberg_marquardt import FIRST_DAMPING, RADIUS_TOLERANCE, Quadratic, descend
 
 RNG = np.random.default_rng(0)
 SLOPES = RNG.normal(size=(40, 5)) * np.array([1.0, 1e3, 1e-2, 5.0, 1e-4])

@@ -9,7 +9,7 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.errors import InputError
-from jaxmuscle.estimation.windows import case
+from jaxmuscle.estimation.case import case
 from jaxmuscle.recordings import LongRecording, row_selection
 from jaxmuscle.recordings.joining import distinct, joined, of_one_bench
 from jaxmuscle.recordings.spans import held_out_part, rows_within

@@ -8,8 +8,8 @@ from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis.candidates import loaded, missing
 from jaxmuscle.effects import CATALOGUE
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residuals import Stepping, residual_vector
-from jaxmuscle.estimation.windows import case
 from jaxmuscle.parameters import get, parameters
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
 

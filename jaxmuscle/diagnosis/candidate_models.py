@@ -1,0 +1,111 @@
+"""Models that carry many candidates in few structures, so that hundreds of fits share few compilations."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
+from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns
+from jaxmuscle.estimation.parameter_layout import unknown_within
+from jaxmuscle.estimation.request import Bounds
+from jaxmuscle.parameters import Parameter, get, parameters, replace
+
+
+@dataclasses.dataclass(frozen=True)
+class CandidateModels:
+    """A declared model and the candidates that it may carry.
+
+    Candidates without a state of their own cost next to nothing at zero strength: every model carries them
+    all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
+    all of them where one is tried or has been added, and none otherwise, but for those that are `carried`
+    always. Two structures are compiled; one for each candidate with a state took 52 s of a core where these
+    two take 36.
+
+    Attributes:
+        model: the declared machine with every candidate without a state, at zero strength.
+        declared: paths of the parameters that the card calls uncertain.
+        priors: path → prior of the declared ones; those of the shapes of effects are added to them.
+        carried: names of candidates with a state that every model carries.
+        constants: constants of the card that may be wrong; they are candidates too, in every model.
+    """
+
+    model: AbstractActuator
+    candidates: tuple[type[AbstractEffect], ...]
+    declared: tuple[str, ...]
+    priors: Mapping[str, Prior]
+    carried: tuple[str, ...]
+    constants: tuple[CardConstant, ...]
+
+    @property
+    def changing(self) -> list[type[AbstractEffect]]:
+        """Candidates with a state that not every model carries."""
+        return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
+
+    def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
+        """`model` carrying every candidate that has a state if `names` has one, else none.
+
+        Those that are not in `names` are at zero strength.
+        """
+        stateful = self.changing
+        wanted = [effect.name for effect in stateful if effect.name in names]
+        bare = model.without_effects(*(effect.name for effect in stateful))
+        had = {name: model.effects[name] for name in wanted if name in model.effects}
+        carried = {e.name: had.get(e.name, e()) for e in stateful} if wanted else {}
+        return bare.with_effects(**carried)
+
+    def order(self, model: AbstractActuator) -> list[str]:
+        """Every path that a fit of a model of this structure may ever move."""
+        carried = [effect.name for effect in self.candidates if effect.name in model.effects]
+        constants = (constant.path for constant in self.constants)
+        effects = (path for name in carried for path in paths_of(model, name))
+        return list(dict.fromkeys([*self.declared, *constants, *effects]))
+
+    def shape_priors(self, model: AbstractActuator, names: Sequence[str]) -> dict[str, Prior]:
+        """Weak priors on the parameters of effects other than their strengths: their value, by its size.
+
+        They keep a time constant or a threshold that the data say nothing of where it began.
+        """
+        entries, defaults = parameters(model), loaded(self.model, self.candidates)
+        strengths = {strength_path(e) for e in (*self.candidates, *self.constants)}
+        priors = {}
+        for path in (p for name in names for p in paths_of(model, name) if p not in strengths):
+            default = float(get(defaults, path))
+            size = entries[path].typical or abs(default)
+            centre = float(get(model, path)) if entries[path].positive else default
+            priors[path] = Prior(centre, abs(centre) if entries[path].positive else size)
+        return priors
+
+    def free_paths(self, model: AbstractActuator, effects: Sequence[str]) -> list[str]:
+        """Paths that a fit moves: the declared ones and those of `effects`, effects or constants."""
+        own = (path for name in effects for path in paths_of(model, name))
+        return list(dict.fromkeys([*self.declared, *own]))
+
+    def freed(self, names: Sequence[str]) -> dict[str, CardConstant]:
+        """Path → constant of the card that is among `names`, and so free of what the card says of it."""
+        return {constant.path: constant for constant in self.constants if constant.name in names}
+
+    def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
+        """The vector of the parameters `paths`, from their values in `model`, with their priors."""
+        priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
+        freed = self.freed(effects)
+        return Unknowns(
+            [
+                _unknown(entries[path], None, (freed[path].lower, freed[path].upper))
+                if path in freed
+                else _unknown(entries[path], priors.get(path))
+                for path in paths
+            ]
+        )
+
+    def with_card_values(self, model: AbstractActuator) -> AbstractActuator:
+        """`model` with its declared parameters back at the values of the card."""
+        return replace(model, {path: prior.mean for path, prior in self.priors.items()})
+
+
+def _unknown(entry: Parameter, prior: Prior | None, bounds: Bounds = (None, None)) -> Unknown:
+    """One entry of the vector, from its value in the model."""
+    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, bounds)
