@@ -4,6 +4,7 @@ closes them over a machine.
 
 from jaxmuscle.control.channel_model import ChannelModel, channel_model
 from jaxmuscle.control.command_knots import CommandKnots, command_knots
+from jaxmuscle.control.digital import DigitalController
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
@@ -33,6 +34,7 @@ __all__ = [
     "ClosedLoop",
     "CommandKnots",
     "Controller",
+    "DigitalController",
     "FeedForward",
     "FuzzyPID",
     "IntegralInversePID",

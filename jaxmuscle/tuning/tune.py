@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
@@ -28,7 +29,7 @@ from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
 from jaxmuscle.tuning.result_assembly import concluded
-from jaxmuscle.tuning.scenarios import Scenario
+from jaxmuscle.tuning.scenarios import Scenario, with_delays
 from jaxmuscle.tuning.search import Search
 from jaxmuscle.tuning.tuning_result import Tuning
 
@@ -170,7 +171,9 @@ def prepared(
         for name, own in (("scenarios", training), ("held_out", unseen))
         for i in range(len(own))
     ]
-    all_of_them = stacked(actuator, [*training, *unseen], followed, where)
+    actuator, delayed = with_delays(actuator, [*training, *unseen], where)
+    all_of_them = stacked(actuator, delayed, followed, where)
+    check_clocks(inner, all_of_them.step)
     gains = gains_of(inner, free, bounds)
     rows = tuple(range(len(training)))
     goal = _objective(objective, all_of_them, rows, followed, attached)
