@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -165,7 +165,7 @@ def prepared(
     if not training:
         raise InputError("scenarios: expected at least one scenario; got none")
     inner, attached = _attached(actuator, controller)
-    followed = _reading(actuator, attached, reading)
+    followed = _reading(actuator, inner, attached, reading)
     where = [
         f"{name}[{i}]"
         for name, own in (("scenarios", training), ("held_out", unseen))
@@ -176,7 +176,8 @@ def prepared(
     check_clocks(inner, all_of_them.step)
     gains = gains_of(inner, free, bounds)
     rows = tuple(range(len(training)))
-    goal = _objective(objective, all_of_them, rows, followed, attached)
+    rest = getattr(inner if attached is None else attached, "rest", jnp.zeros(()))
+    goal = _objective(objective, all_of_them, rows, followed, rest)
     if goal.margin:
         if attached is None:
             raise InputError("objective: the sensitivity is that of a controller of one reading")
@@ -219,7 +220,9 @@ def _attached(actuator: AbstractActuator, controller: Any) -> tuple[Any, Attache
     return controller, feedback_on(actuator, controller)
 
 
-def _reading(actuator: AbstractActuator, attached: Attached | None, given: str | None) -> str | None:
+def _reading(
+    actuator: AbstractActuator, controller: Any, attached: Attached | None, given: str | None
+) -> str | None:
     """The reading that follows the reference."""
     if attached is not None:
         return attached.reading
@@ -227,7 +230,7 @@ def _reading(actuator: AbstractActuator, attached: Attached | None, given: str |
         raise InputError(f"reading: unknown reading {given!r}{nearest(given, actuator.outputs)}")
     if given is None and actuator.channel is not None:
         return actuator.channel.reading
-    return given
+    return getattr(controller, "reading", None) if given is None else given
 
 
 def _objective(
@@ -235,9 +238,8 @@ def _objective(
     scenarios: Stacked,
     rows: Sequence[int],
     reading: str | None,
-    attached: Attached | None,
+    rest: Array,
 ) -> Objective:
-    rest = jnp.zeros(()) if attached is None else attached.rest
     if callable(given):
         short = ~np.asarray(scenarios.cases.counts).all()
         if short:
