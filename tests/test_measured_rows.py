@@ -112,3 +112,17 @@ def test_slopes_and_compilation_have_their_limits(benchmark):
     assert rows.slopes_agree([1e-9, 1e-8])[0]["ok"] and not rows.slopes_agree([1e-9, 1e-3])[0]["ok"]
     (quick,), (slow,) = rows.gradient_speed(10, 9.0, 2.0), rows.gradient_speed(10, 11.0, 2.0)
     assert quick["ok"] and quick["ours"] == 7.0 and not slow["ok"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "apart", "ok"), [(2.0, 1e-9, True), (0.5, 1e-9, False), (2.0, 1e-3, False)]
+)
+def test_a_peer_counts_only_if_it_finds_the_same_gradient(benchmark, ratio, apart, ok):
+    (entry,) = benchmark("measured_rows").beside_peer("a peer", 1000, ratio, apart, 1e-6)
+    assert entry["ok"] == ok and entry["apart"] == apart and "1000 scenarios" in entry["figure"]
+
+
+@pytest.mark.parametrize(("correlation", "ok"), [(0.95, True), (0.85, False)])
+def test_derivatives_have_to_lead_where_a_quantised_cost_falls(benchmark, correlation, ok):
+    (entry,) = benchmark("measured_rows").slopes_lead(correlation, 0.05)
+    assert entry["ok"] == ok and "5 %" in entry["reason"]

@@ -44,8 +44,9 @@ class FeedForward(eqx.Module):
     what the model does not know. An inverse of a rig is made by
     :func:`~jaxmuscle.control.model_inverse` or :func:`~jaxmuscle.control.simulated_inverse`; one of
     hysteresis is an :class:`~jaxmuscle.hysteresis.IntegralInverse` or
-    :class:`~jaxmuscle.hysteresis.AnalyticInverse`; any object with the methods of :class:`Inverse` will do. Without a feedback the loop is open. What the
-    feedback integrates waits while the sum is beyond the limits of the command.
+    :class:`~jaxmuscle.hysteresis.AnalyticInverse`; any object with the methods of :class:`Inverse` will do.
+    Without a feedback the loop is open. What the feedback integrates waits while the sum is beyond the limits
+    of the command.
 
     :func:`jaxmuscle.tune` moves the share s and the gains of the feedback, "feedback.proportional".
     """
