@@ -18,6 +18,7 @@ from control_loops import JOINT, LIFT
 from control_plant import plant_rows
 from control_race import race_rows
 from control_speed import speed_rows
+from control_worth import worth_rows
 from published_rows import Sections, printed
 
 SECTIONS: Sections = {
@@ -26,6 +27,7 @@ SECTIONS: Sections = {
     "race": race_rows,
     "joint": functools.partial(plant_rows, JOINT),
     "lift": functools.partial(plant_rows, LIFT),
+    "worth": worth_rows,
 }
 
 if __name__ == "__main__":

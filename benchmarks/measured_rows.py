@@ -78,6 +78,24 @@ def closed_on_plant(rig: str, effect: str, found: Mapping[str, Mapping[str, floa
     return [aside({**against, "effort_over": effort}, OWN), aside({**worth, "effort_over": less}, OWN)]
 
 
+def worth_of_naming(rig: str, effect: str, found: Mapping[str, Mapping[str, float]]) -> list[Row]:
+    """Tracking errors of controllers on a model without an effect, and with it named, on a plant that has it.
+
+    `found`: "PID, left out", "inverse, named", … → "tracking" and "effort", beside "rule".
+    """
+    rows = []
+    for name in ("PID", "inverse", "inverse and PID"):
+        own, bare = found[f"{name}, named"], found[f"{name}, left out"]
+        ratio, effort = own["tracking"] / bare["tracking"], own["effort"] / bare["effort"]
+        over = own["tracking"] / found["rule"]["tracking"]
+        entry = row("the model without it", f"{rig} with hidden {effect}, {name}: tracking error with the "
+                    "effect named over that without", "1", ratio, ratio <= 1.0, "", "not more",
+                    "unseen references on the oracle of the rig",
+                    f"with {effort:.2f} of the effort; {over:.2f} of the error by rule")  # fmt: skip
+        rows.append(aside({**entry, "effort_over": effort, "over_rule": over}, OWN))
+    return rows
+
+
 def stable_on_plants(rig: str, effect: str, unstable: int, count: int) -> list[Row]:
     """Drawn plants with an effect that the card does not name: how many do tuned gains leave swinging?"""
     entry = row("every plant", f"{rig}, hidden {effect}: drawn plants that tuned gains leave swinging", "0",

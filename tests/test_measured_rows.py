@@ -126,3 +126,14 @@ def test_a_peer_counts_only_if_it_finds_the_same_gradient(benchmark, ratio, apar
 def test_derivatives_have_to_lead_where_a_quantised_cost_falls(benchmark, correlation, ok):
     (entry,) = benchmark("measured_rows").slopes_lead(correlation, 0.05)
     assert entry["ok"] == ok and "5 %" in entry["reason"]
+
+
+def test_what_naming_an_effect_is_worth_by_controller(benchmark):
+    found = {"rule": {"tracking": 2.0, "effort": 1.0}}
+    for name, left, named in (("PID", 1.0, 1.1), ("inverse", 5.0, 0.5), ("inverse and PID", 1.0, 0.5)):
+        found[f"{name}, left out"] = {"tracking": left, "effort": 1.0}
+        found[f"{name}, named"] = {"tracking": named, "effort": 2.0}
+    rows = benchmark("measured_rows").worth_of_naming("joint", "gravity", found)
+    assert [entry["ok"] for entry in rows] == [False, True, True]
+    assert [entry["ours"] for entry in rows] == pytest.approx([1.1, 0.1, 0.5])
+    assert rows[0]["effort_over"] == 2.0 and rows[1]["over_rule"] == 0.25
