@@ -22,7 +22,7 @@ from jaxmuscle.diagnosis.settled_fit import (
     noise_squares,
     weight_factors,
 )
-from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns, moved_machine
@@ -82,6 +82,7 @@ class Workbench:
         width: number of tangents of a fit.
         constants: constants of the card that may be wrong; they are candidates too, in every model.
         carried: names of candidates with a state that every model carries.
+        refinements: names of candidates that change how friction builds up, and wait until one is found.
         checkpoint: keeps what is finished for a diagnosis that goes on after an interruption.
     """
 
@@ -93,6 +94,7 @@ class Workbench:
     width: int
     carried: tuple[str, ...] = ()
     constants: tuple[CardConstant, ...] = ()
+    refinements: tuple[str, ...] = ()
     checkpoint: Checkpoint = NOTHING_KEPT
 
     @property
@@ -100,16 +102,23 @@ class Workbench:
         """Candidates with a state that not every model carries."""
         return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
 
+    def sought(self, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
+        """Candidates that may be added to a model that has `accepted`."""
+        found = {effect for effect in self.candidates if effect.name in accepted}
+        rubs = any(issubclass(effect, AbstractFrictionEffect) for effect in found)
+        return [e for e in self.candidates if e not in found and (rubs or e.name not in self.refinements)]
+
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying every candidate that has a state if `names` has one, else none.
 
-        Those that are not in `names` are at zero strength.
+        Those that are not in `names` are at zero strength; of refinements only those in `names` are carried.
         """
         stateful = self.changing
         wanted = [effect.name for effect in stateful if effect.name in names]
         bare = model.without_effects(*(effect.name for effect in stateful))
         had = {name: model.effects[name] for name in wanted if name in model.effects}
-        carried = {e.name: had.get(e.name, e()) for e in stateful} if wanted else {}
+        borne = [e for e in stateful if e.name in wanted or e.name not in self.refinements]
+        carried = {e.name: had.get(e.name, e()) for e in borne} if wanted else {}
         return bare.with_effects(**carried)
 
     def order(self, model: AbstractActuator) -> list[str]:
@@ -298,7 +307,7 @@ class Workbench:
 
     def compile_stateful(self, problem: Problem) -> None:
         """Have the programs for candidates with a state compiled; nothing if there is none."""
-        name = next((effect.name for effect in self.changing), None)
+        name = next((effect.name for effect in self.changing if effect.name not in self.refinements), None)
         if name is not None:
             model = self.dressed(self.model, [name])
             self.jacobian(model, problem, self.free_paths(model, [name]), [name])
@@ -345,9 +354,11 @@ def workbench(
     candidates: Sequence[type[AbstractEffect]],
     carried: Sequence[type[AbstractEffect]] = (),
     constants: Sequence[CardConstant] = (),
+    refinements: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
 ) -> Workbench:
     """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
+    candidates = [*candidates, *refinements]
     priors, width = case.priors, len(case.priors) + SPARE
     held = [effect for effect in candidates if not carries_state(effect) or effect in carried]
     names = tuple(effect.name for effect in carried)
@@ -361,6 +372,7 @@ def workbench(
         width,
         names,
         tuple(constants),
+        tuple(effect.name for effect in refinements),
         checkpoint,
     )
 
