@@ -16,11 +16,11 @@ from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
+from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
 from jaxmuscle.diagnosis.ranking import (
     JUDGEMENT,
     Candidate,
     Ranking,
-    by_likelihood,
     correlation,
     judged_all,
     round_work,
@@ -152,7 +152,8 @@ def _judged(
         return None
     (told,) = compare(without, [both], folds.stretch)
     if told.too_few_stretches(len(accepted) + 1):
-        (told,) = by_likelihood(bench, model, accepted, problem, [(effects, found)], [told], tried)
+        pair, fits = [(effects, found)], [refitted[-1]]
+        (told,) = by_likelihood(bench, model, accepted, problem, pair, fits, [told], tried)
     else:
         told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
     return Candidate(effects, told, both, found.model, refitted[-1])

@@ -14,7 +14,6 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search, search_work
 from jaxmuscle.diagnosis.candidates import Sought, carries_state, paths_of, without
 from jaxmuscle.diagnosis.evidence import (
-    LIKELIHOOD_RATIO,
     TOLD_APART,
     Blocks,
     Evidence,
@@ -27,7 +26,7 @@ from jaxmuscle.diagnosis.evidence import (
     gain,
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
-from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
+from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
@@ -159,7 +158,9 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
+        evidence = by_likelihood(
+            bench, model, accepted, problem, promising, refitted[1:], evidence, len(rest)
+        )
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(
@@ -195,48 +196,6 @@ def judged_all(
     each = [judged[i : i + count] for i in range(0, len(judged), count)]
     losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
     return losses, [tuple(model for _, model in parts) for parts in each]
-
-
-NOTICEABLE = 1.5
-"""Mean square of the weighted residuals from which a likelihood ratio may say that something is missing.
-
-A clean lift of the blind benchmark that leaves 1.2, two of four stretches of it at the friction's turns, had
-a load friction of 0.06 ± 0.04 N, p = 9e-12.
-"""
-
-
-def by_likelihood(
-    bench: Workbench,
-    model: AbstractActuator,
-    accepted: Sequence[str],
-    problem: Problem,
-    promising: Sequence[tuple[tuple[Sought, ...], SettledFit]],
-    evidence: Sequence[Evidence],
-    tried: int,
-) -> list[Evidence]:
-    """The evidence, with the p-value of a likelihood ratio where too few stretches tell the models apart.
-
-    Where the present model leaves less than :data:`NOTICEABLE` it stays as it is: a likelihood ratio takes
-    the noise for what it seems to be, and friction can make a few stretches of next to nothing stand out.
-
-    Args:
-        promising: candidates and models with them, fitted to everything.
-        tried: candidates that were searched, which the p-value allows for (Bonferroni).
-    """
-    starts = (model, bench.with_card_values(model))
-    present = bench.best_fit(starts, accepted, problem, STEPS).model
-    if max(bench.mean_squares(present, problem).values()) < NOTICEABLE:
-        return list(evidence)
-    before = bench.residuals(present, problem)
-    found = []
-    for (effects, larger), told in zip(promising, evidence, strict=True):
-        if told.too_few_stretches(len(accepted)):
-            after = bench.residuals(larger.model, problem)
-            parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
-            p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
-            told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
-        found.append(told)
-    return found
 
 
 def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> Losses:
