@@ -224,10 +224,9 @@ def simulate(
         track, clock, hidden = _commanded(actuator, given, times, named)
     step = float(clock[1] - clock[0])
     steps = steps_of(actuator, step, method, substeps, tolerance)
-    begin = None
-    if isinstance(start, SimulationState):
-        check_state(actuator, start, step, form_at_rest(actuator))
-        begin = start
+    begin = start if isinstance(start, SimulationState) else None
+    if begin is not None:
+        check_state(actuator, begin, step, form_at_rest(actuator))
     readings, kept, final = _run(actuator, track, len(clock), steps, hidden, begin, states)
     bound = None
     if error:
