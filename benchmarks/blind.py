@@ -30,8 +30,8 @@ from jaxmuscle.formatting import aligned
 CLEAN_SHARE, PAIR_SHARE, COLOURED_SHARE = 0.4, 0.15, 0.25
 """Parts of all recordings that lack nothing, that lack two effects, and whose noise is coloured."""
 SEEN = 5.0
-"""Change of a reading that no uncertain parameter of the card can take over, root mean square in units of its
-noise, from which an effect has to be found."""
+"""Change of a reading that no uncertain parameter of the card, and none of another effect that is there, can
+take over, root mean square in units of its noise, from which an effect has to be found."""
 INTERVAL = 1.96
 WORSE = 1.05
 """Held-out error after over before from which a diagnosis has done harm."""
@@ -63,6 +63,7 @@ def diagnosed(blind: Blind) -> Row:
         "bristles": blind.bristles,
         "shift": round(blind.shift, 2),
         "left": round(blind.left, 2),
+        "most": round(blind.most, 2),
     }
     try:
         found = jm.diagnose(blind.recording)
@@ -125,6 +126,7 @@ def figures(rows: Sequence[Row]) -> list[Row]:
     told = [row for row in rows if "found" in row]
     clean = [row for row in told if not row["truth"]]
     clear = [row for row in told if row["truth"] and row["left"] >= SEEN]
+    one = [row for row in told if row["truth"] and row["most"] >= SEEN]
     covered = [inside for row in told for inside in coverage(row)]
     effects = [row for row in told if row["verdict"] == "effects found"]
 
@@ -135,8 +137,8 @@ def figures(rows: Sequence[Row]) -> list[Row]:
                 "ok": share >= goal}  # fmt: skip
 
     every = [
-        figure("first effect right, where it can be seen", 0.95, clear, lambda r: first(r) in there(r)),
-        figure("exactly the true effects, where they can be seen", 0.85, clear, exact),
+        figure("first effect right, where one can be seen", 0.95, one, lambda r: first(r) in there(r)),
+        figure("exactly the true effects, where all can be seen", 0.85, clear, exact),
         figure("nothing found where nothing is missing", 0.99, clean, lambda r: not superfluous(r)),
         figure("nothing added that is not there", 0.99, told, lambda r: not superfluous(r)),
         figure("95 % intervals of effects that hold the truth", 0.90, covered, bool),

@@ -41,9 +41,12 @@ class Blind:
             of which "column".
         noise: "white", or "coloured": as much again, correlated over a tenth of a second to two.
         bristles: the distance over which dry friction builds up, 0 on a bench of sharp friction.
-        shift: what a reading differs by from one without the truth, root mean square over its noise; the
-            largest of all readings. Where a recorded column is imposed, without the truth but as recorded.
-        left: the same, after the card's uncertain parameters have taken over what they can.
+        shift: what a reading differs by from one without an effect, root mean square over its noise; the
+            largest of all readings and effects. Where a recorded column is imposed, without the effect but
+            as recorded.
+        left: the same of the effect that shows least, after the card's uncertain parameters and those of the
+            other effect have taken over what they can.
+        most: of the effect that shows most.
         machine: true constants (SI).
         effects: all that are there, declared or not.
     """
@@ -54,6 +57,7 @@ class Blind:
     bristles: float
     shift: float
     left: float
+    most: float
     machine: Mapping[str, float]
     effects: Effects
 
@@ -61,7 +65,7 @@ class Blind:
 def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str] = ()) -> Blind:
     """The recording of a seed, which lacks so many effects; of these names only, where there are any."""
     draw = np.random.default_rng([seed, list(RANGES).index(rig), effects, coloured])
-    machine = _machine(rig, draw)
+    machine = machine_of(rig, draw)
     offered = sorted(set(names) & set(RANGES[rig]) if names else RANGES[rig])
     truth = truth_of(rig, draw.choice(offered, min(effects, len(offered)), replace=False).tolist(), draw)
     declared = declared_of(rig, truth, draw)
@@ -70,23 +74,50 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     if "gas_heating" in truth:
         machine["polytropic_exponent"] = 1.0  # the share is counted from the isothermal law
     motion = MOTIONS[rig](draw)
-    columns = _readings(rig, machine, bench | truth, motion)
-    shift, left = 0.0, 0.0
-    if truth:
-        imposed = {name: columns.get(name, series) for name, series in motion.items()}
-        stds = stds_of(rig, declared)
-
-        def without(off: Mapping[str, float]) -> dict[str, Series]:
-            return _readings(rig, *off_by(machine, bench, stds, off), imposed)
-
-        shift, left = shift_left(without, list(stds), columns, NOISE[rig])
+    columns = readings_of(rig, machine, bench | truth, motion)
+    shifts = [
+        shift_of(name, rig, machine, bench, truth, stds_of(rig, declared), motion, columns) for name in truth
+    ]
+    shift, most = (max((each[i] for each in shifts), default=0.0) for i in (0, 1))
+    left = min((own for _, own in shifts), default=0.0)
     for name, size in NOISE[rig].items():
         columns[name] = columns[name] + size * noise(len(columns[name]), STEPS[rig], coloured, draw)
     card = card_of(rig, machine, declared, draw)
     columns = {name: columns[name] for name in card.columns if name in columns}
     recording = Recording(f"{rig}-{seed}", None, None, card, _clock(rig), STEPS[rig], columns)
     kind = "coloured" if coloured else "white"
-    return Blind(recording, truth, kind, bristles, shift, left, machine, bench | truth)
+    return Blind(recording, truth, kind, bristles, shift, left, most, machine, bench | truth)
+
+
+def shift_of(
+    name: str,
+    rig: str,
+    machine: Mapping[str, float],
+    bench: Effects,
+    truth: Effects,
+    stds: Mapping[str, float],
+    motion: Mapping[str, Series],
+    columns: Mapping[str, Series],
+) -> tuple[float, float]:
+    """By how much one of the true effects moves the readings, and by how much of its own."""
+    others = {other: values for other, values in truth.items() if other != name}
+    free = {f"{e}.{n}": abs(v) for e, of in others.items() for n, v in of.items() if n != "column" and v}
+    stds = {**stds, **free}
+
+    def shown(effects: Effects) -> dict[str, Series]:
+        """The motion as it is recorded; only what is imposed has a sensor."""
+        seen = readings_of(rig, machine, bench | effects, motion) if motion.keys() & columns.keys() else {}
+        return {each: seen.get(each, series) for each, series in motion.items()}
+
+    own, beside = shown({name: truth[name]}), shown(others)
+
+    def without(off: Mapping[str, float]) -> dict[str, Series]:
+        constants, moved = off_by(machine, bench | others, stds, off)
+        # An error of a sensor that is taken for another one leaves another motion as the true one.
+        errors = shown({other: moved[other] for other in others}) if free.keys() & off.keys() else beside
+        return readings_of(rig, constants, moved, {n: own[n] + beside[n] - errors[n] for n in own})
+
+    return shift_left(without, list(stds), columns, NOISE[rig])
 
 
 def _bristles(rig: str, effects: Set[str], draw: np.random.Generator) -> float:
@@ -96,7 +127,7 @@ def _bristles(rig: str, effects: Set[str], draw: np.random.Generator) -> float:
     return float(distance) if rough and dry else 0.0
 
 
-def _machine(rig: str, draw: np.random.Generator) -> dict[str, float]:
+def machine_of(rig: str, draw: np.random.Generator) -> dict[str, float]:
     """True constants of a machine, SI."""
     if rig == "jet-pipe":
         return _valve(draw)
@@ -194,7 +225,7 @@ def _held(draw: np.random.Generator) -> dict[str, Series]:
 MOTIONS = {"driven": _imposed, "isotonic": _commanded, "joint": _regulated, "jet-pipe": _held}
 
 
-def _readings(
+def readings_of(
     rig: str, machine: Mapping[str, float], effects: Effects, motion: Mapping[str, Series]
 ) -> dict[str, Series]:
     """What the sensors say of what the oracle gives, and of the motion."""

@@ -78,6 +78,24 @@ def closed_on_plant(rig: str, effect: str, found: Mapping[str, Mapping[str, floa
     return [aside({**against, "effort_over": effort}, OWN), aside({**worth, "effort_over": less}, OWN)]
 
 
+def worth_of_naming(rig: str, effect: str, found: Mapping[str, Mapping[str, float]]) -> list[Row]:
+    """Tracking errors of controllers on a model without an effect, and with it named, on a plant that has it.
+
+    `found`: "PID, left out", "inverse, named", … → "tracking" and "effort", beside "rule".
+    """
+    rows = []
+    for name in ("PID", "inverse", "inverse and PID"):
+        own, bare = found[f"{name}, named"], found[f"{name}, left out"]
+        ratio, effort = own["tracking"] / bare["tracking"], own["effort"] / bare["effort"]
+        over = own["tracking"] / found["rule"]["tracking"]
+        entry = row("the model without it", f"{rig} with hidden {effect}, {name}: tracking error with the "
+                    "effect named over that without", "1", ratio, ratio <= 1.0, "", "not more",
+                    "unseen references on the oracle of the rig",
+                    f"with {effort:.2f} of the effort; {over:.2f} of the error by rule")  # fmt: skip
+        rows.append(aside({**entry, "effort_over": effort, "over_rule": over}, OWN))
+    return rows
+
+
 def stable_on_plants(rig: str, effect: str, unstable: int, count: int) -> list[Row]:
     """Drawn plants with an effect that the card does not name: how many do tuned gains leave swinging?"""
     entry = row("every plant", f"{rig}, hidden {effect}: drawn plants that tuned gains leave swinging", "0",
@@ -108,6 +126,26 @@ def slopes_agree(errors: Sequence[float]) -> list[Row]:
                 worst, worst <= 1e-5, "", "at most", "of the gradient's length",
                 "a direction crosses a kink of friction or of a limit")  # fmt: skip
     return [aside({**entry, "median": middle}, OWN)]
+
+
+def slopes_lead(correlation: float, change: float) -> list[Row]:
+    """Directional derivatives beside differences of the cost over a large change of the gains."""
+    entry = row("finite differences", "correlation of directional derivatives with differences of the "
+                "quantised cost", "0.9", correlation, correlation >= 0.9, "", "at least",
+                f"over {100 * change:g} % of the gains: where the descent is led")  # fmt: skip
+    return [aside(entry, OWN)]
+
+
+def beside_peer(peer: str, scenarios: int, ratio: float, apart: float, agreement: float) -> list[Row]:
+    """Time of a peer for the cost and gradient of closed loops over the package's, if it finds the same.
+
+    `apart`: largest relative difference of cost and gradient.
+    """
+    same = apart <= agreement
+    entry = row(peer, f"cost and gradient of 6 gains, {scenarios} scenarios of 3 s: its time over ours", "1",
+                ratio, same and ratio >= 1, "", "at least", "the same loop, in the same run; shared cores",
+                "it is quicker" if same else f"it finds another gradient, {apart:.1e} apart")  # fmt: skip
+    return [aside({**entry, "apart": apart}, OWN)]
 
 
 def gradient_speed(scenarios: int, first: float, next_ones: float) -> list[Row]:

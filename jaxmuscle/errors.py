@@ -58,6 +58,13 @@ def nearest(name: str, options: Iterable[str], *, all_if_none_near: bool = True)
     return f"; expected one of {', '.join(options)}" if options else "; there is none"
 
 
+def nearest_or_own(name: str, options: Iterable[str], register: str) -> str:
+    """The same where users may have made the option themselves, which `register` makes known."""
+    near = nearest(name, options)
+    stop = "" if near.endswith("?") else "."
+    return f"{near}{stop} Is it your own? Then {register} it"
+
+
 def closest(name: str, options: Iterable[str]) -> str | None:
     """The option that is most like a name, if one is like it."""
     by_lower = {option.lower(): option for option in options}

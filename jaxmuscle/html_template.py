@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
@@ -11,6 +12,9 @@ from jaxmuscle import formatting
 if TYPE_CHECKING:
     from jinja2 import Template
 
+SUBSCRIPT = re.compile(r"\b([A-Za-z])_([A-Za-z0-9]{1,2})\b")
+"""A symbol as docstrings write it: ``F_c``, ``f_s/n``."""
+
 
 @cache
 def template(name: str, package: str = "jaxmuscle") -> Template:
@@ -19,7 +23,7 @@ def template(name: str, package: str = "jaxmuscle") -> Template:
     Its library is loaded with the first page, not with the classes that a notebook shows.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
+    from markupsafe import Markup, escape
 
     environment = Environment(
         loader=PackageLoader(package, "."),
@@ -29,5 +33,8 @@ def template(name: str, package: str = "jaxmuscle") -> Template:
         lstrip_blocks=True,
     )
     environment.filters.update(words=formatting.words, capital=formatting.capital, percent=formatting.percent)
+    environment.filters["subscripts"] = lambda text: Markup(
+        SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text)))
+    )
     environment.globals["asset"] = lambda file: Markup(files(package).joinpath(file).read_text("utf-8"))
     return environment.get_template(name)

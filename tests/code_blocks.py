@@ -22,7 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(?P<language>\w+)(?P<attributes>[^\n]*)\n(?P<body>.*?)^```$", re.M | re.S)
 TITLE = re.compile(r'title="([^"]+)"')
-PICTURE = re.compile(r"!\[[^]]*\]\(([\w/.-]+\.(?:png|svg))\)")
+PICTURE = re.compile(r"!\[[^]]*\]\(([\w/.-]+\.(?:png|svg|gif))\)")
 RUN = ("python", "bash")
 ELSEWHERE = re.compile(r"python -m (pip install|pytest|mkdocs)\b|pre-commit |git ")
 """Commands that the continuous integration runs by itself (.ci/run, .github/workflows)."""

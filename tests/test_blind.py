@@ -37,6 +37,7 @@ def row(truth, found, *, shift=10.0, verdict=None, value=1.0, std=0.1, after=1.0
         "bristles": bristles,
         "shift": 2 * shift,
         "left": shift,
+        "most": shift,
         "found": effects,
         "verdict": verdict or ("effects found" if found else "complete"),
         "before": {"force": 8.0},
@@ -61,10 +62,32 @@ def short(monkeypatch):
 
 @pytest.mark.parametrize("rig", RANGES)
 def test_every_rig_gives_readings_for_the_columns_of_its_card(rig, short):
-    one = drawn(2, rig, 2, True)
+    one = drawn(2, rig, 1, True)
     assert list(one.recording.columns) == [name for name in one.recording.card.columns if name != "time"]
-    assert len(one.truth) == 2 and np.isfinite(one.shift)
+    assert len(one.truth) == 1 and np.isfinite(one.shift) and one.left == one.most
     assert all(np.isfinite(series).all() for series in one.recording.columns.values())
+
+
+def test_what_the_other_effect_can_take_over_is_not_of_its_own():
+    """A pressure that reads 4 kPa too little, and a bladder whose threshold is free."""
+    threshold = {"bladder_stiffness": {"stiffness": 400.0, "threshold_pressure": 2.5e4}}
+    offset = {"sensor_offset": {"column": "pressure", "offset": -4e3}}
+    both, alone = own_shares("driven", threshold | offset), own_shares("driven", offset)
+    assert both["sensor_offset"] < 0.1 * alone["sensor_offset"]
+    rubbing = {"thread_friction": {"static_coefficient": 0.015, "kinetic_coefficient": 0.08,
+                                   "velocity_constant": 0.15}}  # fmt: skip
+    both, alone = own_shares("driven", threshold | rubbing), own_shares("driven", rubbing)
+    assert both["thread_friction"] > 0.8 * alone["thread_friction"] > 10
+
+
+def own_shares(rig, truth):
+    """What each of the true effects moves of its own, on the machine and the motion of a seed."""
+    draw = np.random.default_rng(3)
+    machine, motion = blind_recordings.machine_of(rig, draw), blind_recordings.MOTIONS[rig](draw)
+    columns = blind_recordings.readings_of(rig, machine, truth, motion)
+    stds = blind_recordings.stds_of(rig, {})
+    shares = (blind_recordings.shift_of(n, rig, machine, {}, truth, stds, motion, columns) for n in truth)
+    return {name: own for name, (_, own) in zip(truth, shares, strict=True)}
 
 
 @pytest.mark.parametrize("rig", RANGES)

@@ -23,6 +23,8 @@ PAGES = {
 RUNNING = [name for name, path in PAGES.items() if any(b.runs for b in blocks_of(path.read_text("utf-8")))]
 QUICK = {"docs/index.md", "docs/how-to/gpu.md", "CONTRIBUTING.md"}
 """Pages whose blocks take seconds."""
+SCREENSHOT = "report.png"
+"""What no page draws: the report in a browser, by ``python tests/report_picture.py``."""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 SHOWN = {"python", "bash", "text", "toml"}
 
@@ -47,6 +49,7 @@ def test_every_block_runs_and_prints_what_stands_below_it(name, tmp_path):
         # The last digits may differ between machines, as in the notebooks.
         assert ours[1] == pytest.approx(theirs[1], rel=0.05, abs=1e-9)
     drawn = [picture.rpartition("/")[2] for picture in PICTURE.findall(text)]
+    drawn = [picture for picture in drawn if picture != SCREENSHOT]
     assert [picture for picture in drawn if not (tmp_path / picture).is_file()] == []
     if name == "README.md":
         assert "load_friction" in printed[min(printed)]

@@ -112,3 +112,28 @@ def test_slopes_and_compilation_have_their_limits(benchmark):
     assert rows.slopes_agree([1e-9, 1e-8])[0]["ok"] and not rows.slopes_agree([1e-9, 1e-3])[0]["ok"]
     (quick,), (slow,) = rows.gradient_speed(10, 9.0, 2.0), rows.gradient_speed(10, 11.0, 2.0)
     assert quick["ok"] and quick["ours"] == 7.0 and not slow["ok"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "apart", "ok"), [(2.0, 1e-9, True), (0.5, 1e-9, False), (2.0, 1e-3, False)]
+)
+def test_a_peer_counts_only_if_it_finds_the_same_gradient(benchmark, ratio, apart, ok):
+    (entry,) = benchmark("measured_rows").beside_peer("a peer", 1000, ratio, apart, 1e-6)
+    assert entry["ok"] == ok and entry["apart"] == apart and "1000 scenarios" in entry["figure"]
+
+
+@pytest.mark.parametrize(("correlation", "ok"), [(0.95, True), (0.85, False)])
+def test_derivatives_have_to_lead_where_a_quantised_cost_falls(benchmark, correlation, ok):
+    (entry,) = benchmark("measured_rows").slopes_lead(correlation, 0.05)
+    assert entry["ok"] == ok and "5 %" in entry["reason"]
+
+
+def test_what_naming_an_effect_is_worth_by_controller(benchmark):
+    found = {"rule": {"tracking": 2.0, "effort": 1.0}}
+    for name, left, named in (("PID", 1.0, 1.1), ("inverse", 5.0, 0.5), ("inverse and PID", 1.0, 0.5)):
+        found[f"{name}, left out"] = {"tracking": left, "effort": 1.0}
+        found[f"{name}, named"] = {"tracking": named, "effort": 2.0}
+    rows = benchmark("measured_rows").worth_of_naming("joint", "gravity", found)
+    assert [entry["ok"] for entry in rows] == [False, True, True]
+    assert [entry["ours"] for entry in rows] == pytest.approx([1.1, 0.1, 0.5])
+    assert rows[0]["effort_over"] == 2.0 and rows[1]["over_rule"] == 0.25

@@ -14,7 +14,7 @@ from jaxmuscle.actuators.isotonic import Isotonic
 from jaxmuscle.actuators.jet_pipe import JetPipeActuator, JetPipePiston
 from jaxmuscle.actuators.joint import Joint
 from jaxmuscle.actuators.variables import Column, Command, Link, Reading, StateVariable
-from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.errors import InputError, nearest_or_own
 
 __all__ = [
     "RIGS",
@@ -52,9 +52,7 @@ DECLARED = ("rig", "units", "quantities", "available", "largest_step")
 def rig_named(name: str) -> type[AbstractActuator]:
     """The class of a rig; `InputError` when no rig of that name is registered."""
     if name not in RIGS:
-        raise InputError(
-            f"unknown rig {name!r}{nearest(name, RIGS)}. Is it your own? Then jaxmuscle.actuators.register it"
-        )
+        raise InputError(f"unknown rig {name!r}{nearest_or_own(name, RIGS, 'jaxmuscle.actuators.register')}")
     return RIGS[name]
 
 

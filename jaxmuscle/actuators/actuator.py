@@ -143,6 +143,7 @@ class AbstractActuator(eqx.Module):
     available: ClassVar[frozenset[str]]
     largest_step: ClassVar[float]
     channel: ClassVar[ControlChannel | None] = None
+    instead_of_a_channel: ClassVar[str] = ""
     columns: ClassVar[Mapping[str, Column]] = {}
     unit_templates: ClassVar[Mapping[str, str]] = {}
     states: ClassVar[Mapping[str, StateVariable]] = {}
@@ -232,7 +233,7 @@ class AbstractActuator(eqx.Module):
         if cls.channel is None:
             raise InputError(
                 f"rig {cls.rig!r} declares no control channel: declare `channel`, a ControlChannel, or make "
-                f"a control.Attached for it"
+                f"a control.Attached for it{cls.instead_of_a_channel}"
             )
         return cls.channel
 

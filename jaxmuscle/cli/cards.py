@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,8 +44,13 @@ def init(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a card that is there.")] = False,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw the columns as they were understood (.png, .svg, .pdf).")
+        Path | None,
+        typer.Option(
+            help="Picture of the columns as they were understood (.png, .svg, .pdf); NAME.columns.png beside "
+            "the card NAME.toml when not given."
+        ),
     ] = None,
+    no_picture: Annotated[bool, typer.Option("--no-picture", help="Draw no picture.")] = False,
     listing: Annotated[
         bool,
         typer.Option("--list", help="Print the columns and quantities of the rig, or all rigs, and end."),
@@ -68,7 +73,7 @@ def init(
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
         from jaxmuscle.recordings.readers import file_of, table_name
-        from jaxmuscle.report.columns_figure import draw_columns
+        from jaxmuscle.report.columns_figure import can_be_drawn, draw_columns
 
         load_modules(module)
         if listing:
@@ -90,11 +95,14 @@ def init(
         draft = draft_card(table, kind, settings or [])
         if sys.stdin.isatty():
             draft = _asked(draft)
-        with atomic_write(card, *([] if picture is None else [picture])) as (file, *pictures):
+        drawn = [] if no_picture else [picture or card.with_suffix(".columns.png")]
+        if picture is None and not can_be_drawn(table, draft.specs):
+            drawn = []
+        with atomic_write(card, *drawn) as (file, *unfinished):
             file.write_text(draft.to_toml(recording.name), encoding="utf-8")
-            for unfinished in pictures:
-                draw_columns(table, draft.specs, unfinished)
-    _print_draft(draft, card)
+            for each in unfinished:
+                draw_columns(table, draft.specs, each)
+    _print_draft(draft, [card, *drawn])
 
 
 def _rig_of(table: Any, name: str | None, rigs: dict[str, Any]) -> Rig:
@@ -145,7 +153,7 @@ def _asked(draft: Draft) -> Draft:
     return draft
 
 
-def _print_draft(draft: Draft, card: Path) -> None:
+def _print_draft(draft: Draft, written: Sequence[Path]) -> None:
     table = Table("quantity", "column", "unit", "", "guessed from", box=None, pad_edge=False)
     for name, guess in draft.columns.items():
         said = "; ".join(guess.said) or "its name"
@@ -163,7 +171,8 @@ def _print_draft(draft: Draft, card: Path) -> None:
         typer.echo(f"\nTo be checked in the card: {', '.join(draft.unsure)}.")
     if open_ones:
         typer.echo(f'\nTo be filled in, marked "?" in the card: {", ".join(open_ones)}.')
-    typer.echo(f"\n{card}\n{'Then' if open_ones else 'Next'}: jaxmuscle check {card}")
+    typer.echo("\n" + "\n".join(map(str, written)))
+    typer.echo(f"{'Then' if open_ones else 'Next'}: jaxmuscle check {written[0]}")
 
 
 def _check_picture(picture: Path | None) -> None:

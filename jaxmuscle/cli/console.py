@@ -79,8 +79,14 @@ def printable() -> Iterator[None]:
         # What is left in the buffer goes nowhere; Python would try once more at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if error.errno != errno.EPIPE:
-            typer.echo(f"jaxmuscle: cannot print the results: {error.strerror}", err=True)
+            _tell_fault(f"jaxmuscle: cannot print the results: {error.strerror}")
         raise SystemExit(BAD_INPUT) from error
+
+
+def _tell_fault(text: str) -> None:
+    """Print a message; where standard error takes no more, the exit status alone tells."""
+    with contextlib.suppress(OSError):
+        typer.echo(text, err=True)
 
 
 @contextmanager
@@ -92,10 +98,10 @@ def faults(debug: bool) -> Iterator[None]:
     except InputError as error:
         if debug:
             traceback.print_exc()
-        typer.echo(f"jaxmuscle: {error}", err=True)
+        _tell_fault(f"jaxmuscle: {error}")
         raise typer.Exit(BAD_INPUT) from error
     except (KeyboardInterrupt, typer.Abort) as error:
-        typer.echo(_interruption(), err=True)
+        _tell_fault(_interruption())
         raise typer.Exit(INTERRUPTED) from error
     except Exception as error:
         # Files are told by InputError: what is left is a standard output that takes no more.
@@ -105,8 +111,8 @@ def faults(debug: bool) -> Iterator[None]:
             traceback.print_exc()
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         advice = "" if debug else " and the output of the same command with --debug"
-        typer.echo(f"jaxmuscle: a fault of the program, not of your input: {what}", err=True)
-        typer.echo(f"Please report it with your recording's card{advice}.", err=True)
+        _tell_fault(f"jaxmuscle: a fault of the program, not of your input: {what}")
+        _tell_fault(f"Please report it with your recording's card{advice}.")
         raise typer.Exit(FAULT) from error
 
 

@@ -4,10 +4,12 @@ closes them over a machine.
 
 from jaxmuscle.control.channel_model import ChannelModel, channel_model
 from jaxmuscle.control.command_knots import CommandKnots, command_knots
+from jaxmuscle.control.digital import DigitalController
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.feedforward import FeedForward
 from jaxmuscle.control.force import ProportionalForce, StaticCurve
 from jaxmuscle.control.fuzzy import MACVICAR_WHELAN, FuzzyPID
+from jaxmuscle.control.independent_joints import IndependentJoints, independent_joints
 from jaxmuscle.control.iterative_learning import (
     InverseLearning,
     Learned,
@@ -22,6 +24,7 @@ from jaxmuscle.control.loop import ClosedLoop, Controller, closed_loop
 from jaxmuscle.control.model_inverse import ModelInverse, model_inverse
 from jaxmuscle.control.model_predictive import ModelPredictive, model_predictive
 from jaxmuscle.control.pid import PID, IntegralInversePID, ScheduledPID
+from jaxmuscle.control.simulated_inverse import SimulatedInverse, simulated_inverse
 from jaxmuscle.control.sliding_mode import JointModel, Reference, SlidingMode, joint_model
 from jaxmuscle.control.stability_margins import Margins, margins
 
@@ -33,8 +36,10 @@ __all__ = [
     "ClosedLoop",
     "CommandKnots",
     "Controller",
+    "DigitalController",
     "FeedForward",
     "FuzzyPID",
+    "IndependentJoints",
     "IntegralInversePID",
     "InverseLearning",
     "JointModel",
@@ -47,6 +52,7 @@ __all__ = [
     "ProportionalLearning",
     "Reference",
     "ScheduledPID",
+    "SimulatedInverse",
     "SlidingMode",
     "StaticCurve",
     "channel_model",
@@ -54,6 +60,7 @@ __all__ = [
     "command_knots",
     "contraction",
     "feedback_on",
+    "independent_joints",
     "inverse_learning",
     "joint_model",
     "learn",
@@ -62,4 +69,5 @@ __all__ = [
     "model_inverse",
     "model_predictive",
     "repeated",
+    "simulated_inverse",
 ]

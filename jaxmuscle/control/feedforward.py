@@ -42,10 +42,11 @@ class FeedForward(eqx.Module):
 
     u_1 is what leads the model to the reference, and the feedback, any controller of one reading, has left
     what the model does not know. An inverse of a rig is made by
-    :func:`~jaxmuscle.control.model_inverse`; one of hysteresis is an
-    :class:`~jaxmuscle.hysteresis.IntegralInverse` or :class:`~jaxmuscle.hysteresis.AnalyticInverse`; any
-    object with the methods of :class:`Inverse` will do. Without a feedback the loop is open. What the
-    feedback integrates waits while the sum is beyond the limits of the command.
+    :func:`~jaxmuscle.control.model_inverse` or :func:`~jaxmuscle.control.simulated_inverse`; one of
+    hysteresis is an :class:`~jaxmuscle.hysteresis.IntegralInverse` or
+    :class:`~jaxmuscle.hysteresis.AnalyticInverse`; any object with the methods of :class:`Inverse` will do.
+    Without a feedback the loop is open. What the feedback integrates waits while the sum is beyond the limits
+    of the command.
 
     :func:`jaxmuscle.tune` moves the share s and the gains of the feedback, "feedback.proportional".
     """
@@ -68,7 +69,9 @@ class FeedForward(eqx.Module):
     @property
     def gains(self) -> tuple[str, ...]:
         """What is tuned when nothing else is asked for."""
-        return ("share", *(f"feedback.{name}" for name in getattr(self.feedback, "gains", ())))
+        parts = {"inverse": self.inverse, "feedback": self.feedback}
+        inner = (f"{part}.{name}" for part, own in parts.items() for name in getattr(own, "gains", ()))
+        return "share", *inner
 
     @property
     def reads(self) -> str | None:

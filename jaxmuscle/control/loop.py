@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.errors import InputError
 from jaxmuscle.simulation import Feedback, Track, run, start_at_rest
 from jaxmuscle.simulation.simulate import Steps, steps_of
@@ -84,12 +85,13 @@ def closed_loop(
     Raises:
         InputError: a rig without a command, a reference of another length or with values that are not
             finite, a `begin` that is no state of the controller, a state after a sample that is none, a
-            command of the wrong shape.
+            command of the wrong shape, a :class:`DigitalController` whose instants are none of the loop.
     """
     if actuator.imposed or not actuator.commands:
         raise InputError(f"rig {actuator.rig!r} has no command for a controller to give")
     clock = np.asarray(times, dtype=float)
     step = sampling_step(clock)
+    check_clocks(controller, step)
     wanted = _wanted(reference, len(clock))
     begin = controller.start() if begin is None else _begun(controller, begin)
     given = {name: jnp.asarray(value, dtype=float) for name, value in (start or {}).items()}

@@ -17,8 +17,10 @@ from jaxmuscle.actuators import Actuation
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.analysis import equilibrium
 from jaxmuscle.control.channel_model import ChannelModel, sampled_model, without_dry_friction
+from jaxmuscle.control.digital import digital_controllers
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.sliding_mode import Reference
+from jaxmuscle.errors import InputError
 
 POINTS, LOWEST = 300, 1e-4
 """Frequencies at which a loop is looked at, from this share of the highest that samples show."""
@@ -53,7 +55,16 @@ def machine_response(
     """A machine at rest under an output of a controller, linearised; its response at :func:`frequencies`.
 
     Dry friction, which holds a linearised machine, is left out; a delay of the command is not.
+
+    Raises:
+        InputError: a controller with a clock of its own, whose loop is not the same from sample to sample.
     """
+    if digital_controllers(attached.controller):
+        raise InputError(
+            "margins: a DigitalController does not act at every sample; linearise the controller within it "
+            "at its own sample time, margins(actuator, digital.controller, step=period), on an actuator with "
+            "its delay, with_effects(command_delay=jaxmuscle.effects.CommandDelay(delay))"
+        )
     smooth = without_dry_friction(actuator)
     acts = Actuation(attached.rest, attached.direction, attached.lowest, attached.highest)
     point = equilibrium(smooth, acts.rest + acts.direction * about)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import carries_state, loaded, paths_of, strength_path
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns
 from jaxmuscle.estimation.parameter_layout import unknown_within
 from jaxmuscle.estimation.request import Bounds
@@ -31,6 +31,7 @@ class CandidateModels:
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         carried: names of candidates with a state that every model carries.
         constants: constants of the card that may be wrong; they are candidates too, in every model.
+        refinements: names of candidates that change how friction builds up, and wait until one is found.
     """
 
     model: AbstractActuator
@@ -39,22 +40,30 @@ class CandidateModels:
     priors: Mapping[str, Prior]
     carried: tuple[str, ...]
     constants: tuple[CardConstant, ...]
+    refinements: tuple[str, ...]
 
     @property
     def changing(self) -> list[type[AbstractEffect]]:
         """Candidates with a state that not every model carries."""
         return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
 
+    def sought(self, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
+        """Candidates that may be added to a model that has `accepted`."""
+        found = {effect for effect in self.candidates if effect.name in accepted}
+        rubs = any(issubclass(effect, AbstractFrictionEffect) for effect in found)
+        return [e for e in self.candidates if e not in found and (rubs or e.name not in self.refinements)]
+
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying every candidate that has a state if `names` has one, else none.
 
-        Those that are not in `names` are at zero strength.
+        Those that are not in `names` are at zero strength; of refinements only those in `names` are carried.
         """
         stateful = self.changing
         wanted = [effect.name for effect in stateful if effect.name in names]
         bare = model.without_effects(*(effect.name for effect in stateful))
         had = {name: model.effects[name] for name in wanted if name in model.effects}
-        carried = {e.name: had.get(e.name, e()) for e in stateful} if wanted else {}
+        borne = [e for e in stateful if e.name in wanted or e.name not in self.refinements]
+        carried = {e.name: had.get(e.name, e()) for e in borne} if wanted else {}
         return bare.with_effects(**carried)
 
     def order(self, model: AbstractActuator) -> list[str]:

@@ -20,6 +20,7 @@ from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.dependence import unexplained
 from jaxmuscle.diagnosis.diagnosis_data import Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.folds import disagreement
 from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
 from jaxmuscle.diagnosis.ranking import Candidate
@@ -45,7 +46,7 @@ from jaxmuscle.estimation.request import Asked
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import in_background
 from jaxmuscle.parameter_names import of_effect
-from jaxmuscle.parameters import get, replace
+from jaxmuscle.parameters import replace
 
 FIT_STEPS = 60
 
@@ -196,19 +197,13 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
 
 
 def _estimates(final: FitResult, folds: Sequence[AbstractActuator]) -> dict[str, Estimate]:
-    """Values and standard deviations: those of the final fit, or by how much fits to the folds disagree.
-
-    The delete-a-group jackknife over `folds`, models of the same effects each fitted without a part of the
-    data (Kott, J. Official Statistics 17, 2001), allows for what the model lacks, as no covariance does.
-    """
-    found = {}
-    for name, entry in final.parameters.items():
-        spread = 0.0
-        if len(folds) > 1:
-            values = np.array([float(get(model, entry.path)) for model in folds])
-            spread = float(np.sqrt((len(folds) - 1) * values.var()))
-        found[name] = Estimate(entry.value, max(entry.std, spread), entry.unit, entry.meaning)
-    return found
+    """Values and standard deviations: those of the final fit, or by how much fits to the folds disagree."""
+    return {
+        name: Estimate(
+            entry.value, max(entry.std, disagreement(folds, entry.path)), entry.unit, entry.meaning
+        )
+        for name, entry in final.parameters.items()
+    }
 
 
 def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:

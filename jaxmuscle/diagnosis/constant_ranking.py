@@ -31,7 +31,7 @@ def rank_with_constants(
     effect is supported too, the constant has to predict unseen windows significantly better, and by as much
     as makes a second effect of a pair needed. Otherwise it stays a runner-up, which may not be told apart.
     """
-    effects = rank(bench, model, accepted, problem, meter) if _left(bench.candidates, accepted) else None
+    effects = rank(bench, model, accepted, problem, meter) if bench.sought(accepted) else None
     if not _left(bench.constants, accepted):
         if effects is None:
             raise ValueError("expected a candidate that is not yet accepted")

@@ -123,7 +123,8 @@ def diagnose(
         seek = partial(_diagnosed, whole, kept_out, ignored, meter=meter, checkpoint=checkpoint)
         if catalogue is not None:
             return interruptible(lambda: seek(chosen, constants=constants), meter.stop)
-        return interruptible(lambda: _in_passes(seek, further, constants), meter.stop)
+        passes = partial(seek, refinements=(Presliding,))
+        return interruptible(lambda: _in_passes(passes, further, constants), meter.stop)
 
 
 def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) -> float | NDArray[np.bool_]:
@@ -194,18 +195,29 @@ def _diagnosed(
     first: type[AbstractEffect] | None = None,
     *,
     constants: bool = False,
+    refinements: Sequence[type[AbstractEffect]] = (),
     meter: Meter,
     checkpoint: Checkpoint,
 ) -> Diagnosis:
-    """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried."""
+    """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried;
+    `refinements`: effects that are tried once a dry friction was found.
+    """
     require_double_precision("a diagnosis")
     begin = time.perf_counter()
     masks = _masks(recording, ignored)
     prepared = case(recording, held_out, masks)
     check_parts(prepared)
-    candidates = excited(prepared, prepared.actuator, missing(prepared.actuator, catalogue))
+    actuator = prepared.actuator
+    candidates = excited(prepared, actuator, missing(actuator, catalogue))
     fallible = card_constants(prepared) if constants else []
-    bench = workbench(prepared, candidates, [first] if first in candidates else [], fallible, checkpoint)
+    bench = workbench(
+        prepared,
+        candidates,
+        carried=[first] if first in candidates else [],
+        constants=fallible,
+        refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
+        checkpoint=checkpoint,
+    )
     meter.expect(DECLARED + round_work([*candidates, *fallible], FOLDS) + CONCLUSION)
     selection = forward_selection(prepared, bench, meter, first)
     declared = selection.model

@@ -12,6 +12,7 @@ from jaxmuscle.diagnosis.evidence import SAFE, Blocks, Losses, block_losses
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import SLOW, Workbench
 from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parameters import get
 
 FOLDS = 4
 """Folds of a round. With two, a fit to half of the recording determines too little: gravity on practice
@@ -75,6 +76,18 @@ class Folds:
         """Losses fold by fold, put into the order of time."""
         order = np.concatenate([np.flatnonzero(self.fold_of == fold) for fold in range(self.count)])
         return np.concatenate(losses, axis=1)[:, np.argsort(order)]
+
+
+def disagreement(models: Sequence[AbstractActuator], path: str) -> float:
+    """Standard deviation of a parameter by how much fits to the folds disagree; 0 of fewer than two.
+
+    The delete-a-group jackknife over models of the same effects, each fitted without a part of the data
+    (Kott, J. Official Statistics 17, 2001), allows for what the model lacks, as no covariance does.
+    """
+    if len(models) < 2:
+        return 0.0
+    values = np.array([float(get(model, path)) for model in models])
+    return float(np.sqrt((len(models) - 1) * values.var()))
 
 
 def _extent(problem: Problem, block: Blocks) -> NDArray[np.float64]:

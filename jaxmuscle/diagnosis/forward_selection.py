@@ -12,12 +12,10 @@ from jaxmuscle.diagnosis.candidates import signal_of
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
-from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
 from jaxmuscle.diagnosis.pairs import best_pairs
-from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank
+from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank, told_apart
 from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
-from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.weights import expected_spread
@@ -27,8 +25,6 @@ from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
 
 MOST_EFFECTS = 3
-MOST_FOR_PAIRS = len(CATALOGUE)
-"""Candidates up to which pairs are tried: the forty of a second pass took half an hour on a joint."""
 NOTHING_LEFT = 1.1
 """Typical mean square weighted residual (1 = noise) below which most windows miss nothing."""
 PARTS = 4
@@ -124,7 +120,7 @@ class ForwardSelection:
     def _pair(self) -> bool:
         """Add a pair, in place of a single effect that was added, which may imitate the two, or of none."""
         further = len(self.found) - self.given
-        if self.before is None or further > 1 or len(self.bench.candidates) > self.given + MOST_FOR_PAIRS:
+        if self.before is None or further > 1:
             return False
         model, ranking = self.before
         pairs = best_pairs(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
@@ -182,13 +178,6 @@ def _with_spread(case: Case, training: Problem, model: AbstractActuator) -> Prob
     return training.allowing(expected_spread(model, training, wider))
 
 
-def _told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
-    """Whether `best` predicts unseen windows significantly better than another candidate."""
-    if candidate is best:
-        return False
-    return compare(candidate.losses, [best.losses], stretch)[0].p_value < TOLD_APART
-
-
 def _round(ranking: Ranking, best: Candidate | None) -> Round:
     first = ranking.candidates[0]
     entries = tuple(
@@ -198,7 +187,7 @@ def _round(ranking: Ranking, best: Candidate | None) -> Round:
             candidate.evidence.gain,
             candidate.evidence.p_value,
             candidate.evidence.loss,
-            not candidate.judged or _told_apart(candidate, first, ranking.stretch),
+            not candidate.judged or told_apart(candidate, first, ranking.stretch),
             candidate.judged,
             candidate.evidence.test,
             candidate.evidence.stretches,

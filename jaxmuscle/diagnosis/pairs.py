@@ -16,17 +16,18 @@ from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
+from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
 from jaxmuscle.diagnosis.ranking import (
     JUDGEMENT,
     Candidate,
     Ranking,
-    by_likelihood,
     correlation,
     judged_all,
     round_work,
 )
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
@@ -34,6 +35,9 @@ from jaxmuscle.progress import Meter
 
 LEADERS = 2
 """Single candidates, the best ones, that every other one is tried beside."""
+BESIDE = 8
+"""Candidates of a last pass, those that did best alone, that are tried beside a leader; of the usual ones all
+are. With all the forty of a last pass that took half an hour on a joint."""
 NEEDED = 0.2
 """Part of the excess error that a pair has to remove, on unseen windows, of what a single effect leaves:
 either of its own, or the best one; or it halves the error."""
@@ -55,7 +59,7 @@ def best_pairs(
     Effects stand beside effects, and beside the constants of the card that do best: where a scale was misread
     and a guide rubs, neither shows alone. Behind a pair with a constant come those of its effect with another
     constant. It also has to do better, by :data:`NEEDED`, than the best single candidate. Its p-value allows
-    for all pairs that were tried (Bonferroni).
+    for all pairs of a leader (Bonferroni).
 
     Args:
         model, accepted: the present model and its effects, of which `ranking` is.
@@ -63,7 +67,8 @@ def best_pairs(
     judged = [candidate for candidate in ranking.candidates if candidate.judged]
     leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
     leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
-    rest = [effect for effect in bench.candidates if effect.name not in accepted]
+    sought = bench.sought(accepted)
+    rest = sought if len(sought) <= len(CATALOGUE) + 1 else _best_alone(ranking, sought)
     if not any(effect not in leader.effects for leader in leaders for effect in rest):
         return []
     meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
@@ -73,10 +78,17 @@ def best_pairs(
         return []
     best = hopeful[best_of([fitted for _, fitted in hopeful])]
     alike = [pair for pair in hopeful if pair is not best and _same_but_for_a_constant(pair, best)]
-    found = [
-        _judged(bench, model, accepted, ranking, problem, *pair, len(pairs), meter) for pair in (best, *alike)
-    ]
+    tried = len(leaders) * len(sought)
+    found = [_judged(bench, model, accepted, ranking, problem, *p, tried, meter) for p in (best, *alike)]
     return [each for each in found if each is not None] if found[0] is not None else []
+
+
+def _best_alone(ranking: Ranking, sought: Sequence[type[AbstractEffect]]) -> list[type[AbstractEffect]]:
+    """The effects that do best alone."""
+    effects = [effect for each in ranking.candidates for effect in each.effects]
+    return [effect for effect in effects if not isinstance(effect, CardConstant) and effect in sought][
+        :BESIDE
+    ]
 
 
 def _has_constant(effects: Sequence[Sought]) -> bool:
@@ -140,7 +152,8 @@ def _judged(
         return None
     (told,) = compare(without, [both], folds.stretch)
     if told.too_few_stretches(len(accepted) + 1):
-        (told,) = by_likelihood(bench, model, accepted, problem, [(effects, found)], [told], tried)
+        pair, fits = [(effects, found)], [refitted[-1]]
+        (told,) = by_likelihood(bench, model, accepted, problem, pair, fits, [told], tried)
     else:
         told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
     return Candidate(effects, told, both, found.model, refitted[-1])

@@ -14,7 +14,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search, search_work
 from jaxmuscle.diagnosis.candidates import Sought, carries_state, paths_of, without
 from jaxmuscle.diagnosis.evidence import (
-    LIKELIHOOD_RATIO,
+    TOLD_APART,
     Blocks,
     Evidence,
     Losses,
@@ -26,7 +26,7 @@ from jaxmuscle.diagnosis.evidence import (
     gain,
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
-from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
+from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.estimation.windows import Problem
@@ -126,7 +126,8 @@ def rank(
     that are free anyway, and judged on that one. A candidate that explains too little of the very windows
     that it was fitted to is not judged (:func:`_promising`).
     """
-    rest: list[Sought] = [e for e in (bench.candidates if among is None else among) if e.name not in accepted]
+    rest: list[Sought] = [e for e in among or () if e.name not in accepted]
+    rest = [*bench.sought(accepted)] if among is None else rest
     rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
@@ -157,7 +158,9 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
+        evidence = by_likelihood(
+            bench, model, accepted, problem, promising, refitted[1:], evidence, len(rest)
+        )
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(
@@ -165,7 +168,7 @@ def rank(
         )
     ]
     further = lambda candidate: max(bench.mean_squares(candidate.model, problem.in_parts(1)).values())  # noqa: E731
-    first = simplest_first(sorted(tried, key=unseen_loss), len(accepted), further)
+    first = simplest_first(sorted(tried, key=unseen_loss), len(accepted), further, folds.stretch)
     ranked = [*first, *sorted(left, key=unseen_loss)]
     return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch, valley)
 
@@ -193,34 +196,6 @@ def judged_all(
     each = [judged[i : i + count] for i in range(0, len(judged), count)]
     losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
     return losses, [tuple(model for _, model in parts) for parts in each]
-
-
-def by_likelihood(
-    bench: Workbench,
-    model: AbstractActuator,
-    accepted: Sequence[str],
-    problem: Problem,
-    promising: Sequence[tuple[tuple[Sought, ...], SettledFit]],
-    evidence: Sequence[Evidence],
-    tried: int,
-) -> list[Evidence]:
-    """The evidence, with the p-value of a likelihood ratio where too few stretches tell the models apart.
-
-    Args:
-        promising: candidates and models with them, fitted to everything.
-        tried: candidates that were searched, which the p-value allows for (Bonferroni).
-    """
-    starts = (model, bench.with_card_values(model))
-    before = bench.residuals(bench.best_fit(starts, accepted, problem, STEPS).model, problem)
-    found = []
-    for (effects, larger), told in zip(promising, evidence, strict=True):
-        if told.too_few_stretches(len(accepted)):
-            after = bench.residuals(larger.model, problem)
-            parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
-            p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
-            told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
-        found.append(told)
-    return found
 
 
 def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> Losses:
@@ -308,15 +283,16 @@ judged load friction removes 100 %, too; over whole windows it leaves 13.6 mean 
 
 
 def simplest_first(
-    ranked: Sequence[Candidate], found: int, left: Callable[[Candidate], float]
+    ranked: Sequence[Candidate], found: int, left: Callable[[Candidate], float], stretch: int
 ) -> list[Candidate]:
     """Candidates, best first, but of those that are as good as the best one the simplest comes before it.
 
     As good is one whose gain is nearly the same, that is supported if the best one is, after so many
-    effects `found`, and whose predictions go on as well.
+    effects `found`, whose predictions go on as well, and from which the best one is not told apart.
 
     Args:
         left: what a candidate leaves over whole windows, 1 being what noise leaves.
+        stretch: blocks in time over which residuals go together.
     """
     if not ranked:
         return []
@@ -329,9 +305,20 @@ def simplest_first(
     ]
     if len(as_good) > 1:
         most = FURTHER * max(left(ranked[0]), 1.0)
-        as_good = [each for each in as_good if each is ranked[0] or left(each) <= most]
+        as_good = [
+            each
+            for each in as_good
+            if each is ranked[0] or (left(each) <= most and not told_apart(each, ranked[0], stretch))
+        ]
     first = min(as_good, key=lambda each: sum(len(paths_of(each.model, e.name)) for e in each.effects))
     return [first, *(each for each in ranked if each is not first)]
+
+
+def told_apart(candidate: Candidate, best: Candidate, stretch: int) -> bool:
+    """Whether `best` predicts unseen windows significantly better than another candidate."""
+    if candidate is best:
+        return False
+    return compare(candidate.losses, [best.losses], stretch)[0].p_value < TOLD_APART
 
 
 def unseen_loss(candidate: Candidate) -> float:

@@ -214,7 +214,7 @@ class Workbench(CandidateModels):
 
     def compile_stateful(self, problem: Problem) -> None:
         """Have the programs for candidates with a state compiled; nothing if there is none."""
-        name = next((effect.name for effect in self.changing), None)
+        name = next((effect.name for effect in self.changing if effect.name not in self.refinements), None)
         if name is not None:
             model = self.dressed(self.model, [name])
             self.jacobian(model, problem, self.free_paths(model, [name]), [name])
@@ -261,9 +261,11 @@ def workbench(
     candidates: Sequence[type[AbstractEffect]],
     carried: Sequence[type[AbstractEffect]] = (),
     constants: Sequence[CardConstant] = (),
+    refinements: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
 ) -> Workbench:
     """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
+    candidates = [*candidates, *refinements]
     priors, width = case.priors, len(case.priors) + SPARE
     held = [effect for effect in candidates if not carries_state(effect) or effect in carried]
     names = tuple(effect.name for effect in carried)
@@ -275,6 +277,7 @@ def workbench(
         dict(priors),
         names,
         tuple(constants),
+        tuple(effect.name for effect in refinements),
         case,
         width,
         checkpoint,

@@ -8,7 +8,7 @@ from typing import Any
 
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import effect_named, names_on
-from jaxmuscle.errors import InputError, Problems, UnknownNameError, nearest
+from jaxmuscle.errors import InputError, Problems, UnknownNameError, nearest, nearest_or_own
 from jaxmuscle.parameter_names import EFFECTS, resolve, spelled, split_effect
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, read_row_span
@@ -212,8 +212,8 @@ def _effects(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[s
         where = f"[effects.{name}]"
         effect = effect_named(name)
         if effect is None:
-            own = "Is it your own? Then jaxmuscle.effects.register it"
-            problems.add(where, f"unknown effect{nearest(name, names_on(rig))}. {own}")
+            told = nearest_or_own(name, names_on(rig), "jaxmuscle.effects.register")
+            problems.add(where, f"unknown effect{told}")
         elif not isinstance(entries, Mapping):
             problems.add(where, f"expected a section with the effect's parameters; got {entries!r}")
         elif not rig.offers(effect := rig.effect_named(name)):

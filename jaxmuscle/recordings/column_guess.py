@@ -79,18 +79,22 @@ class Guess:
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """A column of a table that may be a signal; `values` are those of its entries that are numbers."""
+    """A column of a table that may be a signal.
+
+    `values` are those of its entries that are numbers; `times`: whether the file has it as a clock of others.
+    """
 
     column: str
     name: ColumnName
     values: Series
     stamps: bool
     increasing: bool
+    times: bool
 
 
 def signals_of(table: Table) -> list[Signal]:
     """The columns of numbers, a few of which may be missing, and those of time stamps."""
-    found = []
+    found, clocks = [], {*table.clocks.values()}
     for column in table.columns:
         name = column_name(column, table.units.get(column, ""))
         try:
@@ -101,7 +105,7 @@ def signals_of(table: Table) -> list[Signal]:
         there = values[np.isfinite(values)]
         increasing = len(values) > 1 and bool(np.all(np.diff(values) > 0))
         if len(there) > MOST * len(values):
-            found.append(Signal(column, name, there, stamps, increasing))
+            found.append(Signal(column, name, there, stamps, increasing, column in clocks))
     return found
 
 
@@ -169,7 +173,9 @@ def _score_of_clock(signal: Signal) -> float:
     if said.unit is not None and not is_same_unit(said.unit, "s"):
         return -10.0
     likely = 3.0 if {*said.words} & WORDS["time"] else 0.0
-    return 3.0 + likely + (2.0 if signal.stamps or said.unit is not None else 0.0)
+    # Of a bag, "logged" is when messages were written; the file itself says which clock holds.
+    held = 1.5 * signal.times
+    return 3.0 + likely + held + (2.0 if signal.stamps or said.unit is not None else 0.0)
 
 
 def _counted_from_one(signals: list[Signal], needs: Mapping[str, Need]) -> list[Signal]:

@@ -10,13 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.formatting import estimate, join, printed_unit, quantity, rounded, words
+from jaxmuscle.formatting import aligned, estimate, join, printed_unit, quantity, rounded, words
 from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card_rows import Rows
 from jaxmuscle.recordings.schema import Need
 from jaxmuscle.units import Series
+
+COLUMN_HEADS = ("", "from", "to", "noise", "missing")
+"""What is shown of a column."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,6 +86,10 @@ class Recording:
         """What a notebook shows: every column with its range and course, and what the card says."""
         return _view(self).html()
 
+    def __repr__(self) -> str:
+        """What a terminal shows: every column with its range, and what the card leaves open."""
+        return _summary(self)
+
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time)
@@ -123,10 +130,43 @@ def _within(member: Member, first: int, last: int) -> Member:
     return dataclasses.replace(member, first=begin - first, rows=end - begin, begin=time)
 
 
+def _facts(recording: Recording) -> list[str]:
+    sampled = f"{len(recording)} samples at {1 / recording.step:.4g} Hz"
+    runs = [f"{len(recording.breaks) + 1} runs"] if recording.breaks else []
+    return [f"rig {recording.card.rig}", sampled, *runs]
+
+
+def _summary(recording: Recording) -> str:
+    card, units = recording.card, {key: need.unit for key, need in _needs(recording.card).items()}
+    columns = [COLUMN_HEADS] + [
+        tuple(str(cell) for cell in _column_row(key, values, units.get(key, ""), card.noise.get(key))[:-1])
+        for key, values in recording.columns.items()
+    ]
+    told = [i for i in range(len(COLUMN_HEADS)) if any(row[i] for row in columns[1:])]
+    heads, *rows = [[row[i] for i in told] for row in columns]
+    fitted = [
+        f"{words(key)} {estimate(entry.value, entry.std, units.get(key, ''))}"
+        for key, entry in card.uncertain.items()
+        if entry.std is not None
+    ]
+    return "\n".join(
+        [
+            f"{recording.name}: {', '.join(_facts(recording))}",
+            aligned(heads, rows),
+            *(["pressures are absolute"] if "Pa" in units.values() else []),
+            *([f"to be fitted: {', '.join(fitted)}"] if fitted else []),
+            *(
+                [f"effects that the card declares: {', '.join(map(words, card.effects))}"]
+                if card.effects
+                else []
+            ),
+            *([recording.left_out] if recording.left_out else []),
+        ]
+    )
+
+
 def _view(recording: Recording) -> View:
-    card, rate = recording.card, 1 / recording.step
-    facts = [f"rig {card.rig}", f"{len(recording)} samples at {rate:.4g} Hz"]
-    facts += [f"{len(recording.breaks) + 1} runs"] if recording.breaks else []
+    card, facts = recording.card, _facts(recording)
     facts += [recording.file.name] if recording.file and not recording.joined_from else []
     facts += [member.name for member in recording.joined_from]
     units = {key: need.unit for key, need in _needs(card).items()}
@@ -147,7 +187,7 @@ def _view(recording: Recording) -> View:
         tables=[
             Table(
                 "columns (pressures absolute)" if "Pa" in units.values() else "columns",
-                ("", "from", "to", "noise", "missing", ""),
+                (*COLUMN_HEADS, ""),
                 columns,
             ),
             Table("card", ("", "value"), given, open=False),

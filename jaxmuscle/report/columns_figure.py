@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.figure_style import INK, STYLE, curve, figure
+from jaxmuscle.figure_style import INK, MUTED, STYLE, curve, figure
 from jaxmuscle.files import atomic_write
 from jaxmuscle.formatting import pretty
 from jaxmuscle.recordings.clocks import holds_stamps, stamps_to_seconds
@@ -34,8 +34,7 @@ def draw_columns(table: Table, columns: Mapping[str, ColumnSpec], file: Path) ->
     Raises:
         InputError: nothing can be drawn, or the file cannot be written.
     """
-    read = {name: _numbers(table, spec.column) for name, spec in columns.items() if name != CLOCK.name}
-    shown = {name: values for name, values in read.items() if values is not None}
+    shown = _drawable(table, columns)
     if not shown:
         raise InputError(f"{table.file}: no column to draw")
     with mpl.rc_context({**STYLE, "figure.facecolor": "white"}):
@@ -44,12 +43,28 @@ def draw_columns(table: Table, columns: Mapping[str, ColumnSpec], file: Path) ->
         for panel, (name, values) in zip(panels, shown.items(), strict=True):
             spec = columns[name]
             curve(panel, _clock(table, columns, spec.column, len(values)), values, color=INK, lw=0.8)
-            unit = " ".join(text for text in (pretty(spec.unit), spec.reference or "") if text)
-            panel.set_title(_literal(f"{name}: {spec.column}" + (f" [{unit}]" if unit else "")))
+            panel.set_title(_literal(_with_unit(name, spec)))
+            panel.set_title(_literal(f"column {spec.column}"), loc="right", color=MUTED, size="small")
         clock = columns.get(CLOCK.name)
-        panels[-1].set_xlabel(_literal(f"{clock.column} [{pretty(clock.unit)}]") if clock else "sample")
+        panels[-1].set_xlabel(_literal(_with_unit(CLOCK.name, clock)) if clock else "sample")
         with atomic_write(file) as (unfinished,):
             drawing.savefig(unfinished, dpi=110)
+
+
+def can_be_drawn(table: Table, columns: Mapping[str, ColumnSpec]) -> bool:
+    """Whether any of the columns holds numbers."""
+    return bool(_drawable(table, columns))
+
+
+def _drawable(table: Table, columns: Mapping[str, ColumnSpec]) -> dict[str, Series]:
+    read = {name: _numbers(table, spec.column) for name, spec in columns.items() if name != CLOCK.name}
+    return {name: values for name, values in read.items() if values is not None}
+
+
+def _with_unit(name: str, spec: ColumnSpec) -> str:
+    """A quantity with its unit, and for a pressure what it counts from: ``pressure [bar gauge]``."""
+    unit = " ".join(text for text in (pretty(spec.unit), spec.reference or "") if text)
+    return f"{name} [{unit}]" if unit else name
 
 
 def _literal(text: str) -> str:

@@ -139,7 +139,7 @@ def ranking_figure(search: Round) -> Figure:
         colour = AFTER if added else "#eeb79f" if tied else "#c9ced6"
         axes.barh(place, gain, height=0.62, color=colour)
         note = f"{percent(candidate.gain)}" if candidate.gain > 0 else "none: worse than without"
-        note = note if candidate.judged else "not tried: explains too little where it is fitted"
+        note = note if candidate.judged else "not judged: explains too little where it is fitted"
         note += ", added" if added else ", not told apart from the best" if tied else ""
         axes.text(gain + 0.008, place, note, va="center", fontsize=9.5, color=INK if added or tied else MUTED)
     axes.set_yticks(places, [words(candidate.name) for candidate in best])
@@ -153,17 +153,18 @@ def ranking_figure(search: Round) -> Figure:
 
 
 def correlation_figure(correlations: pd.DataFrame) -> Figure:
-    """The correlations between all fitted parameters as a coloured matrix."""
+    """The correlations between all fitted parameters as a coloured matrix, its diagonal left blank."""
     names = [parameter_words(name) for name in map(str, correlations.columns)]
     count = len(names)
     drawing = figure(1.6 + 0.36 * count, min(3.4 + 0.62 * count, 9.2))
     axes = drawing.add_subplot()
-    matrix = correlations.to_numpy(dtype=float)
+    matrix = np.where(np.eye(count) > 0, np.nan, correlations.to_numpy(dtype=float))
     axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1, aspect="auto")
     for (row, column), value in np.ndenumerate(matrix):
-        if row != column and np.isfinite(value):
+        if np.isfinite(value):
             shade = "white" if abs(value) > 0.75 else INK
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8.5, color=shade)
+            shown = f"{round(value, 2) + 0.0:.2f}".replace("-", "−")  # No sign before 0.00.
+            axes.text(column, row, shown, ha="center", va="center", fontsize=8.5, color=shade)
     axes.set_xticks(range(count), names, rotation=35, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(count), names)
     axes.grid(visible=False)

@@ -10,9 +10,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import optimization_barrier
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from jaxmuscle.actuators import register
+from jaxmuscle.actuators import Actuation, register
 from jaxmuscle.actuators.actuator import Held, State
 from jaxmuscle.actuators.joint import AbstractMuscleJoints, muscle_joints
 from jaxmuscle.components import McKibben, PressureRegulator
@@ -103,6 +103,7 @@ class Scara(AbstractMuscleJoints):
         ("pressure_1", "pressure_2", "pressure_3", "pressure_4"),
         ("angle_1", "angle_2"),
     )
+    instead_of_a_channel: ClassVar = "; of several joints: control.independent_joints"
     available: ClassVar = frozenset(
         "command past time neutral spool pressure muscle contraction contraction_velocity position velocity "
         "slip sprocket".split()
@@ -116,6 +117,15 @@ class Scara(AbstractMuscleJoints):
     pane: Pane = eqx.field(default_factory=Pane)
     ambient_pressure: Scalar = parameter("Pa", "pressure of the atmosphere", default=101325.0, positive=True)
     effects: dict[str, AbstractEffect] = eqx.field(default_factory=dict)
+
+    def joint_actuation(self, mean_pressure: ArrayLike = 2.5e5) -> Actuation:
+        """Commands P0 ± ΔU of each joint's two muscles, between no pressure and twice the mean one ([T]).
+
+        Its direction has a row for each joint. `mean_pressure`: P0, gauge [Pa].
+        """
+        ambient, mean, side = self.ambient_pressure, jnp.asarray(mean_pressure, dtype=float), jnp.ones(4)
+        rest, highest = (ambient + mean) * side, (ambient + 2 * mean) * side
+        return Actuation(rest, jnp.asarray(PULLS), ambient * side, highest)
 
     def signals(self, state: State, held: Held) -> Signals:
         states = {**state.get("effects", {}), **held.memory}

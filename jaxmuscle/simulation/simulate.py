@@ -174,6 +174,7 @@ def simulate(
     tolerance: float | None = None,
     error: bool = False,
     states: bool = False,
+    widening: ArrayLike | None = None,
 ) -> Simulation:
     """Simulate `actuator` from rest, or on from where another simulation ended.
 
@@ -205,6 +206,8 @@ def simulate(
             the largest difference so far as the error of the readings. It bounds the error where halving
             the steps halves it at least.
         states: keep the states at every sample too.
+        widening: how many times as wide as it is dry friction is smoothed where a motion comes to rest, as in
+            :func:`jaxmuscle.control.closed_loop`; as it is when `None`.
 
     Returns:
         the readings at every sample and the state at the end; differentiable with respect to the parameters
@@ -222,6 +225,8 @@ def simulate(
         track, clock, hidden = _recorded(actuator, given, start, named)
     else:
         track, clock, hidden = _commanded(actuator, given, times, named)
+    if widening is not None:
+        track = dataclasses.replace(track, widening=jnp.asarray(widening, dtype=float))
     step = float(clock[1] - clock[0])
     steps = steps_of(actuator, step, method, substeps, tolerance)
     begin = start if isinstance(start, SimulationState) else None

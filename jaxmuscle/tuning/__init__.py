@@ -24,6 +24,7 @@ from jaxmuscle.tuning.cost_terms import TERMS
 from jaxmuscle.tuning.optimal_reference import OptimalReference, optimal_reference
 from jaxmuscle.tuning.scenario_costs import Gain, Judged
 from jaxmuscle.tuning.scenarios import Scenario, drawn, grid, sample
+from jaxmuscle.tuning.tip_error import tip_error
 from jaxmuscle.tuning.tune import tune
 from jaxmuscle.tuning.tuning_result import Tuning
 
@@ -38,5 +39,6 @@ __all__ = [
     "grid",
     "optimal_reference",
     "sample",
+    "tip_error",
     "tune",
 ]

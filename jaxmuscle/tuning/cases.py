@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import Controller
+from jaxmuscle.control.quantisation import quantised
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.control.stability_margins import machine_response
 from jaxmuscle.errors import InputError, nearest
@@ -51,10 +52,7 @@ class Sensed(eqx.Module):
     ) -> tuple[Any, Any]:
         """The state after a sample of `step` seconds, and the command until the next."""
         shown = {name: value + wanted.noise.get(name, 0.0) for name, value in readings.items()}
-        for name, size in self.resolution.items():
-            safe = jnp.where(size > 0, size, 1.0)
-            error = jnp.where(size > 0, safe * jnp.round(shown[name] / safe) - shown[name], 0.0)
-            shown[name] = shown[name] + jax.lax.stop_gradient(error)
+        shown |= {name: quantised(shown[name], size) for name, size in self.resolution.items()}
         return self.controller.update(state, wanted.reference, shown, step)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import ClosedLoop
 from jaxmuscle.control.sliding_mode import Reference, target_of
@@ -23,7 +24,7 @@ from jaxmuscle.tuning.cost_terms import Objective, sensitivity, sizes_of
 from jaxmuscle.tuning.evaluation import Rig
 from jaxmuscle.tuning.gains import Movable
 from jaxmuscle.tuning.run_limits import Fence, Limit, fence, limited
-from jaxmuscle.tuning.scenarios import Scenario
+from jaxmuscle.tuning.scenarios import Scenario, with_delays
 
 Vector = NDArray[np.float64]
 
@@ -86,7 +87,9 @@ def planning_of(
     rates: bool,
 ) -> tuple[Planning, Vector]:
     """The loop whose reference is free, and the times of the knots."""
-    together = stacked(actuator, scenarios, attached.reading, where)
+    actuator, delayed = with_delays(actuator, scenarios, where)
+    together = stacked(actuator, delayed, attached.reading, where)
+    check_clocks(attached, together.step)
     if not np.asarray(together.cases.counts).all():
         raise InputError("scenarios: expected scenarios of one length; shorten the longer ones")
     sizes = sizes_of(objective)

@@ -102,14 +102,20 @@ def movable(controller: Any, chosen: Sequence[str]) -> Movable:
     return Movable(controller, tuple(known[name][:2] for name in chosen))
 
 
-def gain_unit(actuator: AbstractActuator, unit: str) -> str:
-    """The unit of a gain, in which {input} and {output} are those of a rig's channel."""
+def gain_unit(actuator: AbstractActuator, unit: str, controller: Any = None) -> str:
+    """The unit of a gain, in which {input} and {output} are those of a rig's channel.
+
+    On a rig without one they are those that the controller says it `gives` and `reads`.
+    """
     channel = actuator.channel
-    if channel is None:
+    if channel is not None:
+        read, given = actuator.column(actuator.outputs[channel.reading][0]).unit, channel.unit or "1"
+    else:
+        read, given = (getattr(controller, name, None) for name in ("reads", "gives"))
+    if read is None or given is None:
         return unit
-    reading = actuator.column(actuator.outputs[channel.reading][0]).unit
-    reading = f"({reading})" if "/" in reading else reading
-    return unit.replace("{input}", channel.unit or "1").replace("{output}", reading)
+    read = f"({read})" if "/" in read else read
+    return unit.replace("{input}", given).replace("{output}", read)
 
 
 Known = dict[str, tuple[int, tuple[int, ...], str]]
@@ -128,8 +134,18 @@ def _numbers(controller: Any) -> Known:
     return found
 
 
-def _declared(controller: Any) -> dict[str, Parameter]:
-    return parameters(controller) if isinstance(controller, eqx.Module) else {}
+def _declared(controller: Any, prefix: str = "") -> dict[str, Parameter]:
+    """Path → declaration, of controllers in a tuple or list too: ``joints[0].proportional``."""
+    if isinstance(controller, tuple | list):
+        parts = [(f"{prefix.removesuffix('.')}[{i}].", each) for i, each in enumerate(controller)]
+    elif isinstance(controller, eqx.Module):
+        fields = [field.name for field in dataclasses.fields(controller)]
+        parts = [(f"{prefix}{name}.", getattr(controller, name)) for name in fields]
+    else:
+        return {}
+    own = parameters(controller) if isinstance(controller, eqx.Module) else {}
+    found = {prefix + path: place for path, place in own.items()}
+    return found | {path: place for part in parts for path, place in _declared(part[1], part[0]).items()}
 
 
 def _arrays(known: Known) -> list[str]:

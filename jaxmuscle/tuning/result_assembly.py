@@ -61,12 +61,14 @@ def concluded(
         groups.append((unseen, evaluation.seen(unknowns.start, unseen), evaluation.seen(values, unseen)))
     judged = [_judged(evaluation, seen, own) for own, *both in groups for seen in both]
     less, more = _sensitivities(evaluation, values, evaluation.cost(last))
-    gains = {}
+    gains, wired = {}, rig.attached is not None or rig.actuator.channel is None
     for i, entry in enumerate(unknowns.entries):
         gains[entry.name] = Gain(
             value=float(values[i]),
             start=entry.start,
-            unit=gain_unit(rig.actuator, entry.place.unit) if rig.attached else entry.place.unit,
+            unit=gain_unit(rig.actuator, entry.place.unit, rig.controller.controller)
+            if wired
+            else entry.place.unit,
             meaning=entry.place.meaning,
             lower=entry.lower,
             upper=entry.upper,

@@ -13,9 +13,13 @@ import numpy as np
 from jaxtyping import ArrayLike
 from numpy.typing import NDArray
 
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.sliding_mode import Reference
+from jaxmuscle.effects import CommandDelay
+from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.fit_data import FitData
-from jaxmuscle.parameter_names import of_machine
+from jaxmuscle.parameter_names import of_machine, resolve
+from jaxmuscle.parameters import get, known_names
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Scenario:
         start: measured states at the first sample, as for :func:`jaxmuscle.simulate`.
         noise: reading → standard deviation of white noise that the controller sees on it (SI).
         resolution: reading → step to which the controller sees it rounded (SI).
+        delay: time that passes from a sample to the command that it leads to [s], beside that of the machine.
         seed: of the noise.
         name: what results call it; its number when empty.
     """
@@ -42,6 +47,7 @@ class Scenario:
     start: Mapping[str, ArrayLike] = dataclasses.field(default_factory=dict)
     noise: Mapping[str, float] = dataclasses.field(default_factory=dict)
     resolution: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    delay: float = 0.0
     seed: int = 0
     name: str = ""
 
@@ -60,8 +66,8 @@ def grid(
         references: one, or a list of them.
         times: sampling instants [s].
         over: parameter of the machine → its values (SI).
-        settings: `start`, `noise`, `resolution` and `seed` of all; the seed grows by one from one to the
-            next.
+        settings: `start`, `noise`, `resolution`, `delay` and `seed` of all; the seed grows by one from one
+            to the next.
     """
     values = dict(over or {})
     points = [dict(zip(values, point, strict=True)) for point in itertools.product(*values.values())]
@@ -105,6 +111,33 @@ def sample(fit: FitData, count: int, seed: int = 0) -> list[dict[str, float]]:
     within = np.clip(drawn, [each.lower for each in fitted], [each.upper for each in fitted])
     paths = [each.path for each in fitted]
     return [dict(zip(paths, row.tolist(), strict=True)) for row in within]
+
+
+def with_delays(
+    actuator: AbstractActuator, scenarios: Sequence[Scenario], where: Sequence[str]
+) -> tuple[AbstractActuator, list[Scenario]]:
+    """Scenarios whose delays are those of the machine's command, and a machine that has such a delay.
+
+    Raises:
+        InputError: a delay that is no time, or on a rig whose commands cannot be late.
+    """
+    for scenario, place in zip(scenarios, where, strict=True):
+        if isinstance(scenario.delay, str) or not 0 <= float(scenario.delay) < math.inf:
+            raise InputError(f"{place}: delay: expected a time of zero or above [s]; got {scenario.delay!r}")
+    if not any(scenario.delay for scenario in scenarios):
+        return actuator, list(scenarios)
+    if not actuator.offers(CommandDelay):
+        raise InputError(f"{where[0]}: delay: the commands of rig {actuator.rig!r} cannot be late")
+    if CommandDelay.name not in actuator.effects:
+        none: Any = 0.0
+        actuator = actuator.with_effects(command_delay=CommandDelay(none))
+    path, known = f"effects.{CommandDelay.name}.delay", known_names(actuator)
+    own, made = float(get(actuator, path)), []
+    for scenario, place in zip(scenarios, where, strict=True):
+        changes = {resolve(known, name, f"{place}: changes").path: v for name, v in scenario.changes.items()}
+        changes[path] = changes.get(path, own) + scenario.delay
+        made.append(dataclasses.replace(scenario, changes=changes, delay=0.0))
+    return actuator, made
 
 
 def _listed(references: Any) -> Sequence[Any]:

@@ -12,10 +12,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
@@ -28,7 +29,7 @@ from jaxmuscle.tuning.cost_terms import Given, Objective, sizes_of
 from jaxmuscle.tuning.evaluation import Evaluation, Rig
 from jaxmuscle.tuning.gains import gains_of
 from jaxmuscle.tuning.result_assembly import concluded
-from jaxmuscle.tuning.scenarios import Scenario
+from jaxmuscle.tuning.scenarios import Scenario, with_delays
 from jaxmuscle.tuning.search import Search
 from jaxmuscle.tuning.tuning_result import Tuning
 
@@ -164,16 +165,19 @@ def prepared(
     if not training:
         raise InputError("scenarios: expected at least one scenario; got none")
     inner, attached = _attached(actuator, controller)
-    followed = _reading(actuator, attached, reading)
+    followed = _reading(actuator, inner, attached, reading)
     where = [
         f"{name}[{i}]"
         for name, own in (("scenarios", training), ("held_out", unseen))
         for i in range(len(own))
     ]
-    all_of_them = stacked(actuator, [*training, *unseen], followed, where)
+    actuator, delayed = with_delays(actuator, [*training, *unseen], where)
+    all_of_them = stacked(actuator, delayed, followed, where)
+    check_clocks(inner, all_of_them.step)
     gains = gains_of(inner, free, bounds)
     rows = tuple(range(len(training)))
-    goal = _objective(objective, all_of_them, rows, followed, attached)
+    rest = getattr(inner if attached is None else attached, "rest", jnp.zeros(()))
+    goal = _objective(objective, all_of_them, rows, followed, rest)
     if goal.margin:
         if attached is None:
             raise InputError("objective: the sensitivity is that of a controller of one reading")
@@ -216,7 +220,9 @@ def _attached(actuator: AbstractActuator, controller: Any) -> tuple[Any, Attache
     return controller, feedback_on(actuator, controller)
 
 
-def _reading(actuator: AbstractActuator, attached: Attached | None, given: str | None) -> str | None:
+def _reading(
+    actuator: AbstractActuator, controller: Any, attached: Attached | None, given: str | None
+) -> str | None:
     """The reading that follows the reference."""
     if attached is not None:
         return attached.reading
@@ -224,7 +230,7 @@ def _reading(actuator: AbstractActuator, attached: Attached | None, given: str |
         raise InputError(f"reading: unknown reading {given!r}{nearest(given, actuator.outputs)}")
     if given is None and actuator.channel is not None:
         return actuator.channel.reading
-    return given
+    return getattr(controller, "reading", None) if given is None else given
 
 
 def _objective(
@@ -232,9 +238,8 @@ def _objective(
     scenarios: Stacked,
     rows: Sequence[int],
     reading: str | None,
-    attached: Attached | None,
+    rest: Array,
 ) -> Objective:
-    rest = jnp.zeros(()) if attached is None else attached.rest
     if callable(given):
         short = ~np.asarray(scenarios.cases.counts).all()
         if short:

@@ -1,5 +1,6 @@
 """The command line: what goes where, and with which exit status."""
 
+import errno
 import subprocess
 import sys
 from collections.abc import Callable
@@ -7,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from report.fake import diagnosis
 from typer.testing import CliRunner, Result
 
 import jaxmuscle
 import jaxmuscle.diagnosis as package
-from jaxmuscle.cli import app
+from jaxmuscle import InputError
+from jaxmuscle.cli import BAD_INPUT, app
+from jaxmuscle.cli.console import faults
 from jaxmuscle.effects import BY_NAME, CATALOGUE, FURTHER
 from jaxmuscle.effects.readings import KINDS
 from jaxmuscle.recordings import Recording
@@ -129,6 +133,18 @@ def test_a_fault_of_ours(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "RuntimeError: a surprise" in outcome.stderr and "Please report it" in outcome.stderr
     assert ("Traceback" in outcome.stderr) is debug
     assert outcome.stdout == "" and list(tmp_path.iterdir()) == []
+
+
+def test_a_standard_error_that_takes_no_more_leaves_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a full disk to which messages are sent."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("jaxmuscle.cli.console.typer.echo", refused)
+    with pytest.raises(typer.Exit) as ended, faults(debug=False):
+        raise InputError("no such file")
+    assert ended.value.exit_code == BAD_INPUT
 
 
 def test_effects_lists_the_whole_catalogue(run: Run) -> None:

@@ -4,6 +4,7 @@ Few structures, and fits of any number of parameters.
 """
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from jaxmuscle.diagnosis.candidates import (
     shapes,
     strengths,
 )
-from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO, Evidence
+from jaxmuscle.diagnosis.likelihood_evidence import NOTICEABLE, by_likelihood
 from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
 from jaxmuscle.effects import BY_NAME, CATALOGUE
@@ -168,12 +170,12 @@ def test_of_candidates_that_are_as_good_the_simplest_comes_first():
     def ranked(*gains, p_values=(0.0, 0.0, 0.0)):
         each = (effects.Creep, effects.BladderStiffness, effects.LoadFriction)
         return [
-            Candidate((e,), Evidence(gain, p, 1 - gain), np.zeros((1, 4)), lift, ())
+            Candidate((e,), Evidence(gain, p, 1 - gain), np.full((1, 40), 1.5), lift, ())
             for e, gain, p in zip(each, gains, p_values, strict=True)
         ]
 
     def names(candidates, **left):
-        return [each.name for each in simplest_first(candidates, 0, lambda c: left.get(c.name, 1.0))]
+        return [each.name for each in simplest_first(candidates, 0, lambda c: left.get(c.name, 1.0), 1)]
 
     creep, bladder, friction = "creep", "bladder_stiffness", "load_friction"
     assert names(ranked(0.992, 0.99, 0.9)) == [bladder, creep, friction]
@@ -187,3 +189,48 @@ def test_of_candidates_that_are_as_good_the_simplest_comes_first():
     assert names(ranked(0.992, 0.991, 0.99), load_friction=13.6) == [bladder, creep, friction]
     assert names(ranked(0.992, 0.991, 0.99), load_friction=13.6, creep=12.0) == [friction, creep, bladder]
     assert names(ranked(0.992, 0.991, 0.99), load_friction=1.9, creep=0.6) == [friction, creep, bladder]
+    # As good by the gain, but unseen windows tell them apart: over nearly all of them the best one is better.
+    better, simple, last = ranked(0.999, 0.991, 0.9)
+    worse = dataclasses.replace(simple, losses=np.full((1, 40), 1.7))
+    assert names([better, worse, last]) == [creep, bladder, friction]
+    as_often = dataclasses.replace(simple, losses=np.where(np.arange(40) % 2, 1.7, 1.3)[None])
+    assert names([better, as_often, last]) == [bladder, creep, friction]
+
+
+def test_what_refines_friction_waits_until_a_friction_is_found(prepared):
+    kinds = [effects.ThreadFriction, effects.Creep]
+    tools = workbench(prepared, kinds, refinements=[effects.Presliding])
+    assert [e.name for e in tools.sought([])] == ["thread_friction", "creep"]
+    assert [e.name for e in tools.sought(["creep"])] == ["thread_friction"]
+    assert [e.name for e in tools.sought(["thread_friction"])] == ["creep", "presliding"]
+    assert [e.name for e in tools.sought(["thread_friction", "presliding"])] == ["creep"]
+    # It is carried where it is sought or was added, so that no other search becomes dearer.
+    assert set(tools.dressed(tools.model, ["creep"]).effects) == {"thread_friction", "creep"}
+    bristly = tools.dressed(tools.model, ["thread_friction", "presliding"])
+    assert set(bristly.effects) == {"thread_friction", "creep", "presliding"}
+    assert set(tools.dressed(bristly, ["thread_friction"]).effects) == {"thread_friction"}
+
+
+def test_a_likelihood_ratio_decides_where_much_is_missing_or_folds_agree(prepared, tools):
+    path, name = "effects.pressure_dependent_ends.amplitude", "pressure_dependent_ends"
+    parts, few = prepared.training.in_parts(4), Evidence(0.6, 1.0, 1.02, stretches=4)
+    fitted = tools.settled(replace(tools.model, {path: 0.8}), [name], parts, 10)
+
+    def told(present, *amplitudes):
+        folds = [replace(fitted.model, {path: amplitude}) for amplitude in amplitudes]
+        promising = [((effects.PressureDependentEnds,), fitted)]
+        (evidence,) = by_likelihood(tools, present, [], parts, promising, [folds], [few], 3)
+        return evidence
+
+    assert max(tools.mean_squares(tools.model, parts).values()) > NOTICEABLE
+    for folds in ((0.8, 0.8, 0.8), (1.4, 0.1, 0.9)):
+        seen = told(tools.model, *folds)
+        assert seen.test == LIKELIHOOD_RATIO and seen.p_value < 1e-4
+    # Of next to nothing: noise that is ten times the card's.
+    quiet = dataclasses.replace(parts, weights={out: 0.01 * w for out, w in parts.weights.items()})
+    few_left = partial(
+        by_likelihood, tools, tools.model, [], quiet, [((effects.PressureDependentEnds,), fitted)]
+    )
+    models = [replace(fitted.model, {path: amplitude}) for amplitude in (1.4, 0.1, 0.9)]
+    assert few_left([models], [few], 3) == [few]
+    assert few_left([[fitted.model] * 3], [few], 3)[0].test == LIKELIHOOD_RATIO

@@ -44,7 +44,7 @@ def test_tdms_waveforms_have_their_clock(tmp_path: Path) -> None:
     file.write_bytes(tdms(run=channels))
     table = read_table(file, file.read_bytes())
     assert list(table.columns) == ["run/valve_V", "run/p_bar", "run/x_mm", "run/time"] and table.clocks == {}
-    assert table.units == {"run/valve_V": "V", "run/p_bar": "bar", "run/x_mm": "mm"}
+    assert table.units == {"run/valve_V": "V", "run/p_bar": "bar", "run/x_mm": "mm", "run/time": "s"}
     recording = read(file, card({"t": "run/time", "u": "run/valve_V", "p": "run/p_bar", "x": "run/x_mm"}))
     np.testing.assert_allclose(recording.time, WHOLE.time, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(recording.columns["pressure"], WHOLE.columns["pressure"])
@@ -125,7 +125,8 @@ def test_mdf_groups_with_units(tmp_path: Path) -> None:
             store.append(signals, acq_name=group)
         store.save(file)
     table = read_table(file, file.read_bytes())
-    assert table.units == {"control/valve_V": "V", "control/x_mm": "mm", "sensor/p_bar": "bar"}
+    measured = {"control/valve_V": "V", "control/x_mm": "mm", "sensor/p_bar": "bar"}
+    assert table.units == {**measured, "control/time": "s", "sensor/time": "s"}
     recording = read(file, card({**COLUMNS, "p": "sensor/p_bar"}))
     np.testing.assert_array_equal(recording.columns["pressure"], WHOLE.columns["pressure"])
 

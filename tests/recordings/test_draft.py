@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from jaxmuscle.actuators import RIGS
-from jaxmuscle.errors import InputError
+from jaxmuscle.errors import InputError, nearest_or_own
 from jaxmuscle.recordings import Card, read, schema
 from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.draft import answered, draft_card
@@ -170,6 +170,14 @@ def test_typical_values_are_those_of_the_samples() -> None:
                     0.1 * value if usual.std is None else to_si(usual.std, usual.unit, needs[quantity].unit)
                 )
                 assert card.quantities[quantity].value == pytest.approx(value, abs=spread), quantity
+
+
+def test_an_unknown_effect_may_be_the_users_own(lift) -> None:
+    text = lift.card.read_text()
+    lift.card.write_text(text.replace("thread_friction", "thred_friction"))
+    told = "\n".join(survey(lift.card).faults)
+    assert "did you mean 'thread_friction'? Is it your own? Then jaxmuscle.effects.register it" in told
+    assert nearest_or_own("x", ["other"], "this") == "; expected one of other. Is it your own? Then this it"
 
 
 def test_a_sound_card_has_no_faults(lift) -> None:

@@ -112,3 +112,16 @@ def test_what_is_uncertain_stands_on_the_card_from_the_machines_value_on():
 def test_what_cannot_be_uncertain_is_told(uncertain, said):
     with pytest.raises(InputError, match=said):
         _own(uncertain=uncertain)
+
+
+def test_a_terminal_shows_columns_and_what_is_open(whole):
+    lines = str(read(sample("lift"))).splitlines()
+    assert lines[0] == "lift: rig isotonic, 6000 samples at 500 Hz"
+    cells = [line.split() for line in lines[1:5]]
+    assert cells[0] == ["from", "to", "noise"]  # No reading is missing, and nothing is said of it.
+    assert cells[2] == ["pressure", "1.216", "bar", "6.590", "bar", "400", "Pa"]
+    assert lines[6].startswith("to be fitted: valve area 1.2 ± 0.2 mm²,")
+    assert lines[7] == "effects that the card declares: thread friction"
+    gappy = dataclasses.replace(whole, columns={**whole.columns, "force": np.full(len(whole), np.nan)})
+    row = next(line for line in str(gappy).splitlines() if line.startswith("force"))
+    assert row.split()[-1] == str(len(whole))

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 from recordings.sample_table import FRAME, WHOLE, card
 
+from jaxmuscle import InputError
+from jaxmuscle.actuators import RIGS
 from jaxmuscle.recordings import read
+from jaxmuscle.recordings.column_guess import guess_columns
+from jaxmuscle.recordings.read import table_in_file
 
 START = 1_770_000_000_000_000_000
 """When the bags begin [ns]."""
@@ -75,3 +79,24 @@ def test_bags_of_ros(tmp_path: Path, ending: str) -> None:
     np.testing.assert_allclose(recording.time, WHOLE.time[:600], rtol=0, atol=1e-6)
     np.testing.assert_allclose(recording.columns["command"], WHOLE.columns["command"][:600], rtol=1e-3)
     np.testing.assert_array_equal(recording.columns["position"], WHOLE.columns["position"][:600])
+    if ending != ".bag":  # ros2 bag record names the folder, and so do its users.
+        of_folder = read(place, card(columns))
+        assert (of_folder.name, of_folder.sha256) == ("lift", recording.sha256)
+        np.testing.assert_array_equal(of_folder.columns["position"], recording.columns["position"])
+    table, _ = table_in_file(file)
+    guesses = guess_columns(table, RIGS["isotonic"])
+    clock = guesses["time"].column or ""
+    assert guesses["time"].unit == "s" and clock.endswith("/time")
+    taken = {guess.column for name, guess in guesses.items() if name != "time"}
+    assert not [column for column in taken if column and column.endswith(("/time", "/logged"))]
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [((), "expected a file .db3 or .mcap"), (("a_0.db3", "a_1.db3"), "in 2 files, a_0.db3 to a_1.db3")],
+)
+def test_the_folder_of_a_bag_of_which_no_file_can_be_taken(tmp_path: Path, files: tuple, told: str) -> None:
+    for name in ("metadata.yaml", *files):
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(InputError, match=told):
+        read(tmp_path, card({"t": "t", "u": "u", "p": "p", "x": "x"}))

@@ -6,14 +6,17 @@ import html
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from report.fake import diagnosis
 
 from jaxmuscle.decimation import extremes
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.formatting import capital, words
+from jaxmuscle.html_template import template
 from jaxmuscle.report import tables
 from jaxmuscle.report.doubts import doubts
+from jaxmuscle.report.figures import correlation_figure
 from jaxmuscle.report.page import page
 from jaxmuscle.report.sentence import sentence
 
@@ -156,3 +159,15 @@ def test_few_stretches_are_told() -> None:
     told = doubts(dataclasses.replace(found, rounds=searches))
     assert any("Only 4 stretches" in each and "below 0.06" in each for each in told)
     assert not any("stretches" in each for each in doubts(found))
+
+
+def test_symbols_have_subscripts() -> None:
+    shown = template("page.html.j2", "jaxmuscle.report").environment.filters["subscripts"]
+    assert shown("F_c < F_s, not load_friction") == "F<sub>c</sub> &lt; F<sub>s</sub>, not load_friction"
+
+
+def test_correlations_leave_out_the_diagonal_and_signs_of_nothing() -> None:
+    matrix = np.array([[1.0, -0.001, -0.5], [-0.001, 1.0, 0.004], [-0.5, 0.004, 1.0]])
+    (axes,) = correlation_figure(pd.DataFrame(matrix, columns=list("abc"), index=list("abc"))).axes
+    assert sorted({text.get_text() for text in axes.texts}) == ["0.00", "−0.50"]
+    assert len(axes.texts) == 6

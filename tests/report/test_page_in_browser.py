@@ -181,6 +181,15 @@ def test_a_phone_needs_no_sideways_scrolling(report: Path) -> None:
     with opened(report, viewport={"width": 400, "height": 900}, color_scheme="light") as shown:
         assert shown.evaluate("() => document.documentElement.scrollWidth") <= 400
         assert all(box <= 400 for box in shown.evaluate("() => window.jaxmuscle.plots().map(p => p.width)"))
+        # A parameter is a block of lines, so that its value stands on the screen.
+        ends = (
+            "() => [...document.querySelectorAll('.parameters td')].map(d => d.getBoundingClientRect().right)"
+        )
+        assert all(end <= 400 for end in shown.evaluate(ends))
+        label = (
+            "() => getComputedStyle(document.querySelector('.parameters td.n + td.n'), '::before').content"
+        )
+        assert shown.evaluate(label) == '"fitted"'
 
 
 def test_on_paper_there_are_the_still_pictures_in_light(report: Path) -> None:

@@ -113,3 +113,12 @@ def test_a_wider_friction_is_smoother_and_has_its_slopes():
     _, slopes = jax.jvp(lambda gain: moved(gain, 100.0), (3e5,), (1.0,))
     difference = (moved(300_003.0, 100.0) - moved(299_997.0, 100.0)) / 6.0
     np.testing.assert_allclose(slopes, difference, rtol=1e-4, atol=1e-7 * float(jnp.abs(slopes).max()))
+
+
+@pytest.mark.slow
+def test_a_wider_friction_is_the_same_in_open_loop():
+    light, commands = robot_joint(0.03), 351e3 + 5e4 * np.sin(20 * TIMES)[:, None] * np.array([1.0, -1.0])
+    angle = lambda **how: np.asarray(jm.simulate(light, commands, TIMES, start=REST, **how).readings["angle"])  # noqa: E731
+    plain, same, wide = angle(), angle(widening=1.0), angle(widening=100.0)
+    np.testing.assert_allclose(same, plain, rtol=1e-12, atol=1e-15)
+    assert np.abs(wide - plain).max() > 0.02 * np.ptp(plain)

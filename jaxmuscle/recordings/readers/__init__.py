@@ -1,7 +1,8 @@
 """Readers of tables: the ending of a file → the module that reads it, each through one library.
 
 A reader is a module with a function ``read(path, content)`` that gives a
-:class:`jaxmuscle.recordings.table.Table`; a LeRobot dataset, which is a folder, has one of its own.
+:class:`jaxmuscle.recordings.table.Table`; a LeRobot dataset, which is a folder, has one of its own, and the
+folder that ``ros2 bag record`` makes is read by the file in it.
 Libraries that not everybody needs are imported when a file asks for them, and belong to the extra ``files``.
 """
 
@@ -37,11 +38,14 @@ READERS = {
 }
 """Ending → module of this package."""
 SUFFIXES = tuple(READERS)
+BAG_FILES = (".db3", ".mcap")
+"""Endings of the file in the folder of a bag of ROS 2."""
 
 
 def table_ending(path: Path) -> str:
     """The ending by which a table is read, in lower case; the last one of the name when none is known."""
-    return next((e for e in SUFFIXES if path.name.lower().endswith(e)), path.suffix.lower())
+    unknown = "" if is_bag(path) else path.suffix.lower()
+    return next((e for e in SUFFIXES if path.name.lower().endswith(e)), unknown)
 
 
 def table_name(path: Path) -> str:
@@ -54,20 +58,44 @@ def is_of_dataset(path: Path) -> bool:
     return lerobot_layout.root_of(path) is not None
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag of ROS 2 as ``ros2 bag record`` leaves it: a folder with ``metadata.yaml``."""
+    return path.is_dir() and (path / "metadata.yaml").is_file()
+
+
 def file_of(path: Path) -> Path:
-    """The file that holds a table: `path`, or the data file of an episode.
+    """The file that holds a table: `path`, the one in the folder of a bag, or the data file of an episode.
 
     Raises:
-        InputError: an ending that is none of a table; no such episode of a dataset, or several.
+        InputError: an ending that is none of a table; no such episode of a dataset, or several; a bag in
+            several files, or in one that is none.
     """
     if is_of_dataset(path):
         return _reader("lerobot").file_of(path)
+    if is_bag(path):
+        return _file_of_bag(path)
     if table_ending(path) in READERS:
         return path
     got = f"got {path.suffix!r}" if path.suffix else "got none"
     raise InputError(
         f"{path}: expected a table with the ending {', '.join(SUFFIXES)}; {got}. Nor is it a LeRobot dataset "
-        f"or DATASET/episode_000000: there is no {lerobot_layout.INFO}"
+        f"or DATASET/episode_000000: there is no {lerobot_layout.INFO}, nor the folder of a bag of ROS 2: "
+        f"there is no metadata.yaml"
+    )
+
+
+def _file_of_bag(folder: Path) -> Path:
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in BAG_FILES)
+    if len(files) == 1:
+        return files[0]
+    if files:
+        raise InputError(
+            f"{folder}: the bag is in {len(files)} files, {files[0].name} to {files[-1].name}; expected one. "
+            f"Name one of them, or join them: ros2 bag convert"
+        )
+    raise InputError(
+        f"{folder}: expected a file {' or '.join(BAG_FILES)} in the folder of a bag of ROS 2; got none. "
+        f"A compressed bag has to be decompressed first: ros2 bag convert"
     )
 
 

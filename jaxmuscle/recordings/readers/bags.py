@@ -46,14 +46,17 @@ def read(path: Path, content: bytes) -> Table:
         times.append(written)
         rows.append(dict(_numbers(tree, "")))
     columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
     clocks: dict[str, str] = {}
     zero = min((times[0] for times, _ in topics.values()), default=0)
     for topic, (times, rows) in topics.items():
         if any(rows):
-            of_topic = _columns(times, pd.DataFrame(rows), zero)
+            frame = pd.DataFrame(rows)
+            of_topic = _columns(times, frame, zero)
+            units.update({f"{topic}/{name}": "s" for name in (CLOCK, LOGGED) if name not in frame})
             columns.update({f"{topic}/{name}": values for name, values in of_topic.items()})
             clocks.update({f"{topic}/{name}": f"{topic}/{CLOCK}" for name in of_topic})
-    return grouped(path, columns, {}, clocks)
+    return grouped(path, columns, units, clocks)
 
 
 def _columns(times: list[int], frame: pd.DataFrame, zero: int) -> dict[str, Any]:

@@ -39,6 +39,7 @@ def read(path: Path, content: bytes) -> Table:
                     np.asarray(signal.samples),
                 )
                 clocks[column] = clocks[clock] = clock
+                units[clock] = "s"
                 if signal.unit:
                     units[column] = signal.unit
     return grouped(path, columns, units, clocks)

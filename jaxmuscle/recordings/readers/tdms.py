@@ -37,7 +37,8 @@ def read(path: Path, content: bytes) -> Table:
     for group, channel in channels:
         if "wf_increment" in channel.properties and len(channel):
             _add_clock(columns, clocks, group, channel.name, _times(channel.properties, len(channel), zero))
-    units = {f"{group}/{c.name}": str(c.properties.get("unit_string") or "") for group, c in channels}
+    units = dict.fromkeys(clocks.values(), "s")
+    units |= {f"{group}/{c.name}": str(c.properties.get("unit_string") or "") for group, c in channels}
     return grouped(path, columns, {name: unit for name, unit in units.items() if unit}, clocks)
 
 
