@@ -269,19 +269,27 @@ START = 3.0
 """Seconds that Python takes on a busy machine to load the program itself."""
 
 
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A card, a table that takes seconds to read, and a short one of a reference."""
+    folder = tmp_path_factory.mktemp("inputs")
+    lift = sample("lift")
+    shutil.copyfile(lift.with_suffix(".toml"), folder / "lift.toml")
+    rows = pd.concat([pd.read_csv(lift)] * 80, ignore_index=True)
+    rows["t_s"] = np.round(0.002 * np.arange(len(rows)), 3)
+    rows.to_csv(folder / "long.csv", index=False)
+    rows.iloc[:500:50][["t_s", "x_mm"]].to_csv(folder / "wanted.csv", index=False)
+    return folder
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
 @pytest.mark.parametrize("moment", [0.1, 0.7, 3.0, 8.0])
 @pytest.mark.parametrize("name", COMMANDS)
-def test_ctrl_c_ends_every_command_at_once(tmp_path, name, moment):
+def test_ctrl_c_ends_every_command_at_once(tmp_path, inputs, name, moment):
     """While it loads, reads a long table, compiles and computes; with one line, and nothing written."""
-    lift = sample("lift")
-    shutil.copyfile(lift.with_suffix(".toml"), tmp_path / "lift.toml")
-    rows = pd.concat([pd.read_csv(lift)] * 80, ignore_index=True)
-    rows["t_s"] = np.round(0.002 * np.arange(len(rows)), 3)
-    rows.to_csv(tmp_path / "long.csv", index=False)
-    rows.iloc[:500:50][["t_s", "x_mm"]].to_csv(tmp_path / "wanted.csv", index=False)
+    shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     there = sorted(tmp_path.rglob("*"))
     arguments, wait_for = COMMANDS[name]
     with subprocess.Popen(

@@ -220,38 +220,33 @@ def simulate(
             recording, a state of another rig, of a machine with other effects, or at another sampling step
             where a delay asks for the commands before it.
     """
-    hidden: dict[str, Array] = {}
     named = {} if isinstance(start, SimulationState) else dict(start or {})
     if isinstance(given, Recording):
-        track, clock = observed(actuator, given, given.card.noise).track, np.asarray(given.time)
-        if isinstance(start, SimulationState):
-            # A sensor that drifts has drifted since the simulation began.
-            track = dataclasses.replace(track, begin_time=start.time)
-        track = true_track(actuator, track)
-        if own := [name for name in named if is_measured(actuator, name)]:
-            raise InputError(f"start: a recording begins as it was measured; leave out {', '.join(own)}")
-        hidden = hidden_start(actuator, track, named)
+        track, clock, hidden = _recorded(actuator, given, start, named)
     else:
         track, clock, hidden = _commanded(actuator, given, times, named)
     if widening is not None:
         track = dataclasses.replace(track, widening=jnp.asarray(widening, dtype=float))
     step = float(clock[1] - clock[0])
     steps = steps_of(actuator, step, method, substeps, tolerance)
-    begin = None
-    if isinstance(start, SimulationState):
-        check_state(actuator, start, step, form_at_rest(actuator))
-        begin = start
+    begin = start if isinstance(start, SimulationState) else None
+    if begin is not None:
+        check_state(actuator, begin, step, form_at_rest(actuator))
     readings, kept, final = _run(actuator, track, len(clock), steps, hidden, begin, states)
     bound = None
     if error:
         finer, *_ = _run(actuator, track, len(clock), steps.finer(), hidden, begin, False)
         bound = jax.tree.map(_bound, readings, finer)
-    units = tuple(
+    return Simulation(jnp.asarray(clock), readings, final, kept, bound, _units(actuator), track.command)
+
+
+def _units(actuator: AbstractActuator) -> tuple[tuple[str, str], ...]:
+    """Output and its unit, of those that are declared as columns."""
+    return tuple(
         (name, actuator.columns[group[0]].unit)
         for name, group in actuator.outputs.items()
         if group[0] in actuator.columns
     )
-    return Simulation(jnp.asarray(clock), readings, final, kept, bound, units, track.command)
 
 
 def _bound(coarse: Array, fine: Array) -> Array:
@@ -290,6 +285,23 @@ def _run(
     )
     final = state_at(actuator, track, done.final, row + samples)
     return done.readings, named_states(done.states) if states else None, final
+
+
+def _recorded(
+    actuator: AbstractActuator,
+    recording: Recording,
+    start: Mapping[str, ArrayLike] | SimulationState | None,
+    named: Mapping[str, ArrayLike],
+) -> tuple[Track, NDArray[np.float64], dict[str, Array]]:
+    """Track, sampling instants, and the hidden states among those `named` as the start."""
+    track = observed(actuator, recording, recording.card.noise).track
+    if isinstance(start, SimulationState):
+        # A sensor that drifts has drifted since the simulation began.
+        track = dataclasses.replace(track, begin_time=start.time)
+    track = true_track(actuator, track)
+    if own := [name for name in named if is_measured(actuator, name)]:
+        raise InputError(f"start: a recording begins as it was measured; leave out {', '.join(own)}")
+    return track, np.asarray(recording.time), hidden_start(actuator, track, named)
 
 
 def _commanded(

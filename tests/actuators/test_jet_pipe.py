@@ -82,6 +82,7 @@ def test_slopes_by_a_delay_are_those_of_one_side(by_delay, delay):
     np.testing.assert_allclose(slope, difference, rtol=1e-3, atol=1e-3 * float(jnp.abs(slope).max()))
 
 
+@pytest.mark.slow
 def test_every_effect_at_no_strength_changes_nothing_and_has_its_slope():
     """A dead time of no length makes steps of no length, over which memories are brought up to date too."""
     offered = bench.offered("jet-pipe")

@@ -157,6 +157,7 @@ def test_many_points_at_once():
     np.testing.assert_allclose(points.readings[..., 1], np.tile(FORCES, (3, 1)), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_bandwidth_over_stopper_and_force_in_one_call():
     _, hertz = sweep()
     assert hertz.shape == (3, 3)

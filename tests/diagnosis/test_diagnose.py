@@ -157,6 +157,7 @@ class WithoutNumbers(AbstractSensorLag):
         return error + (0.0 * step) / (0.0 * step), value
 
 
+@pytest.mark.slow
 def test_a_candidate_without_numbers_is_told_and_hides_no_other():
     recording = driven_recording({"pressure_dependent_ends": {"amplitude": 0.8}}, driven_card({}), seed=5)
     diagnosis = diagnose(recording, catalogue=(PressureDependentEnds, WithoutNumbers), constants=False)

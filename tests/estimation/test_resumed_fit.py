@@ -122,6 +122,7 @@ def test_a_file_of_the_users_is_left_alone(tmp_path, recording, actuator):
     assert place.read_text() == "t_s,p_bar\n0,1\n"
 
 
+@pytest.mark.slow
 def test_the_same_command_goes_on(tmp_path, evaluated, monkeypatch):
     monkeypatch.chdir(tmp_path)
     points, limit = evaluated

@@ -79,6 +79,7 @@ def test_slopes_over_supplies_are_those_of_finite_differences():
         assert slope[i] == pytest.approx((up.cost - down.cost) / (2 * size), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_sensitivity_is_that_of_the_machine_with_its_supply():
     _, controller, wanted = CASES["jet-pipe-piston"]
     # Dry friction would hold the piston anywhere.
