@@ -22,6 +22,7 @@ from jaxmuscle.hysteresis import IntegralInverse
 
 ONE, PAIR = jnp.ones(()), jnp.ones(2)
 GOOD = {
+    control.DigitalController: (built(control.PID, 2e5), 0.01),
     control.FeedForward: (built(control.ModelInverse, [0.0, 1.0], [0.0, 1.0]),),
     control.FuzzyPID: (0.3, 2.0, 1e5, 1e5),
     control.IntegralInversePID: (None, 0.1, 0.5, 0.0),
