@@ -20,6 +20,7 @@ from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.dependence import unexplained
 from jaxmuscle.diagnosis.diagnosis_data import Estimate, FoundEffect, Round, Traces
 from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.diagnosis.folds import disagreement
 from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
@@ -145,14 +146,23 @@ def _borne_out(
             return outcome, None, refused
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
-        # By the fit's own standard deviations: that folds disagree on how much is no doubt that it is there.
-        values = _estimates(final, ())
         strengths = {c.name: _strength(c.effects[0]) for c in outcome.found}
-        reasons = doubted([_found(candidate, values) for candidate in outcome.found], strengths)
+        reasons = doubted([_found(c, _judging(c, final, outcome.folds)) for c in outcome.found], strengths)
         if not reasons:
             return outcome, final, refused
         refused |= reasons
         outcome = _without(bench, training, outcome, reasons)
+
+
+def _judging(
+    candidate: Candidate, final: FitResult, folds: Sequence[AbstractActuator]
+) -> dict[str, Estimate]:
+    """Values with the standard deviations by which it is decided whether an effect is there.
+
+    Those of the fit: where unseen stretches speak for an effect, that folds disagree on how much is no doubt
+    that it is there. A likelihood ratio takes the noise for what it seems to be; then it is a doubt.
+    """
+    return _estimates(final, folds if candidate.evidence.test == LIKELIHOOD_RATIO else ())
 
 
 def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Collection[str]) -> Outcome:

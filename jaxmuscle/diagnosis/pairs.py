@@ -152,8 +152,7 @@ def _judged(
         return None
     (told,) = compare(without, [both], folds.stretch)
     if told.too_few_stretches(len(accepted) + 1):
-        pair, fits = [(effects, found)], [refitted[-1]]
-        (told,) = by_likelihood(bench, model, accepted, problem, pair, fits, [told], tried)
+        (told,) = by_likelihood(bench, model, accepted, problem, [(effects, found)], [told], tried)
     else:
         told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
     return Candidate(effects, told, both, found.model, refitted[-1])

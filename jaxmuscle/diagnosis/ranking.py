@@ -158,9 +158,7 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(
-            bench, model, accepted, problem, promising, refitted[1:], evidence, len(rest)
-        )
+        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(

@@ -4,7 +4,6 @@ Few structures, and fits of any number of parameters.
 """
 
 import dataclasses
-from functools import partial
 
 import numpy as np
 import pytest
@@ -22,8 +21,7 @@ from jaxmuscle.diagnosis.candidates import (
     shapes,
     strengths,
 )
-from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO, Evidence
-from jaxmuscle.diagnosis.likelihood_evidence import NOTICEABLE, by_likelihood
+from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
 from jaxmuscle.effects import BY_NAME, CATALOGUE
@@ -209,28 +207,3 @@ def test_what_refines_friction_waits_until_a_friction_is_found(prepared):
     bristly = tools.dressed(tools.model, ["thread_friction", "presliding"])
     assert set(bristly.effects) == {"thread_friction", "creep", "presliding"}
     assert set(tools.dressed(bristly, ["thread_friction"]).effects) == {"thread_friction"}
-
-
-def test_a_likelihood_ratio_decides_where_much_is_missing_or_folds_agree(prepared, tools):
-    path, name = "effects.pressure_dependent_ends.amplitude", "pressure_dependent_ends"
-    parts, few = prepared.training.in_parts(4), Evidence(0.6, 1.0, 1.02, stretches=4)
-    fitted = tools.settled(replace(tools.model, {path: 0.8}), [name], parts, 10)
-
-    def told(present, *amplitudes):
-        folds = [replace(fitted.model, {path: amplitude}) for amplitude in amplitudes]
-        promising = [((effects.PressureDependentEnds,), fitted)]
-        (evidence,) = by_likelihood(tools, present, [], parts, promising, [folds], [few], 3)
-        return evidence
-
-    assert max(tools.mean_squares(tools.model, parts).values()) > NOTICEABLE
-    for folds in ((0.8, 0.8, 0.8), (1.4, 0.1, 0.9)):
-        seen = told(tools.model, *folds)
-        assert seen.test == LIKELIHOOD_RATIO and seen.p_value < 1e-4
-    # Of next to nothing: noise that is ten times the card's.
-    quiet = dataclasses.replace(parts, weights={out: 0.01 * w for out, w in parts.weights.items()})
-    few_left = partial(
-        by_likelihood, tools, tools.model, [], quiet, [((effects.PressureDependentEnds,), fitted)]
-    )
-    models = [replace(fitted.model, {path: amplitude}) for amplitude in (1.4, 0.1, 0.9)]
-    assert few_left([models], [few], 3) == [few]
-    assert few_left([[fitted.model] * 3], [few], 3)[0].test == LIKELIHOOD_RATIO
