@@ -71,7 +71,7 @@ def test_a_tip_follows_a_line_and_its_error_has_its_slopes():
     direction = np.random.default_rng(0).standard_normal(len(at))
     up, down = evaluation(np.stack([at + 1e-5 * direction, at - 1e-5 * direction]))
     size = np.linalg.norm(found.gradient)
-    assert found.gradient @ direction == pytest.approx((up.cost - down.cost) / 2e-5, abs=1e-5 * size)
+    assert found.gradient @ direction == pytest.approx((up.cost - down.cost) / 2e-5, abs=1e-5 * float(size))
 
 
 WRONG = {
