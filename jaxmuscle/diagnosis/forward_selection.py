@@ -98,13 +98,24 @@ class ForwardSelection:
         self.ready = compiling(self.bench, self.parts)
         return True
 
+    def _bench_of_round(self) -> Workbench:
+        """The bench, without what refines friction where no more than :data:`MUCH` is left: every guide has
+        a little of it, and that is no finding.
+        """
+        left = max(self.bench.mean_squares(self.model, self.training).values())
+        if left > 1 + MUCH**2 or any(name in self.bench.refinements for name in self.names):
+            return self.bench
+        kept = tuple(e for e in self.bench.candidates if e.name not in self.bench.refinements)
+        return dataclasses.replace(self.bench, candidates=kept, refinements=())
+
     def _single(self) -> bool:
         """Add the best candidate, if unseen windows support it."""
         self.ready()
-        ranking = rank_with_constants(self.bench, self.model, self.names, self.parts, self.meter)
+        bench = self._bench_of_round()
+        ranking = rank_with_constants(bench, self.model, self.names, self.parts, self.meter)
         if ranking.valley is not None:
             self._refit((self.model, ranking.valley))
-            ranking = rank_with_constants(self.bench, self.model, self.names, self.parts, self.meter)
+            ranking = rank_with_constants(bench, self.model, self.names, self.parts, self.meter)
         best = ranking.supported(len(self.found))
         if best is not None and not explains(best, len(self.found)):
             best = None
