@@ -31,7 +31,8 @@ class CandidateModels:
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         carried: names of candidates with a state that every model carries.
         constants: constants of the card that may be wrong; they are candidates too, in every model.
-        refinements: names of candidates that change how friction builds up, and wait until one is found.
+        refinements: names of candidates that change how friction builds up; they wait until some is found
+            and much is left all the same.
     """
 
     model: AbstractActuator
@@ -47,11 +48,16 @@ class CandidateModels:
         """Candidates with a state that not every model carries."""
         return [e for e in self.candidates if carries_state(e) and e.name not in self.carried]
 
-    def sought(self, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
-        """Candidates that may be added to a model that has `accepted`."""
+    def sought(self, accepted: Sequence[str], much_is_left: bool) -> list[type[AbstractEffect]]:
+        """Candidates that may be added to a model that has `accepted`.
+
+        Refinements are among them only where dry friction was found and much is left: every guide has a
+        little of them, and that is no finding.
+        """
         found = {effect for effect in self.candidates if effect.name in accepted}
         rubs = any(issubclass(effect, AbstractFrictionEffect) for effect in found)
-        return [e for e in self.candidates if e not in found and (rubs or e.name not in self.refinements)]
+        refines = rubs and much_is_left
+        return [e for e in self.candidates if e not in found and (refines or e.name not in self.refinements)]
 
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying every candidate that has a state if `names` has one, else none.

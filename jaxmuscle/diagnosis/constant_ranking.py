@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import TOLD_APART, compare
 from jaxmuscle.diagnosis.pairs import needed
@@ -22,26 +23,28 @@ that it is the cause of; with less it imitates something else, as a braid angle 
 
 
 def rank_with_constants(
-    bench: Workbench, model: AbstractActuator, accepted: Sequence[str], problem: Problem, meter: Meter
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effects: Sequence[Sought],
+    problem: Problem,
+    meter: Meter,
 ) -> Ranking:
-    """Rank effects and, beside them, constants; effects come first unless a constant is clearly better.
+    """Rank `effects` and, beside them, constants; effects come first unless a constant is clearly better.
 
     Clearly better is a constant (:func:`is_clear`) that is supported by unseen windows at the limit of one
     effect more, since it is one more chance to be misled, and removes most of what is missing. Where an
     effect is supported too, the constant has to predict unseen windows significantly better, and by as much
     as makes a second effect of a pair needed. Otherwise it stays a runner-up, which may not be told apart.
     """
-    effects = rank(bench, model, accepted, problem, meter) if bench.sought(accepted) else None
-    if not _left(bench.constants, accepted):
-        if effects is None:
+    ranking = rank(bench, model, accepted, effects, problem, meter) if effects else None
+    left = [constant for constant in bench.constants if constant.name not in accepted]
+    if not left:
+        if ranking is None:
             raise ValueError("expected a candidate that is not yet accepted")
-        return effects
-    constants = rank(bench, model, accepted, problem, meter, bench.constants)
-    return constants if effects is None else beside(effects, constants, len(accepted))
-
-
-def _left(candidates: Sequence[object], accepted: Sequence[str]) -> bool:
-    return any(getattr(each, "name", None) not in accepted for each in candidates)
+        return ranking
+    constants = rank(bench, model, accepted, left, problem, meter)
+    return constants if ranking is None else beside(ranking, constants, len(accepted))
 
 
 def beside(effects: Ranking, constants: Ranking, found: int) -> Ranking:

@@ -69,12 +69,12 @@ class ForwardSelection:
 
         Something is missing, too, where all readings are explained by a value that contradicts the card.
         """
-        tools = self.bench
-        most = min(self.given + MOST_EFFECTS, len(tools.candidates) + len(tools.constants))
+        most = min(self.given + MOST_EFFECTS, len(self.bench.candidates) + len(self.bench.constants))
         while len(self.found) < most:
-            left = max(tools.mean_squares(self.model, self.training).values())
+            left = max(self.bench.mean_squares(self.model, self.training).values())
+            much = left > 1 + MUCH**2
             quiet = left < NOTHING_LEFT and not self._contradicts_the_card()
-            if quiet or not (self._single() or (left > 1 + MUCH**2 and self._pair())):
+            if quiet or not (self._single(much) or (much and self._pair())):
                 break
 
     def _contradicts_the_card(self) -> bool:
@@ -88,7 +88,7 @@ class ForwardSelection:
 
     def begin_with(self, effect: type[AbstractEffect]) -> bool:
         """Add one candidate before any other is tried, if unseen windows support it."""
-        ranking = rank(self.bench, self.model, [], self.parts, self.meter, [effect])
+        ranking = rank(self.bench, self.model, [], [effect], self.parts, self.meter)
         best = ranking.supported(0)
         if best is None:
             return False
@@ -98,24 +98,14 @@ class ForwardSelection:
         self.ready = compiling(self.bench, self.parts)
         return True
 
-    def _bench_of_round(self) -> Workbench:
-        """The bench, without what refines friction where no more than :data:`MUCH` is left: every guide has
-        a little of it, and that is no finding.
-        """
-        left = max(self.bench.mean_squares(self.model, self.training).values())
-        if left > 1 + MUCH**2 or any(name in self.bench.refinements for name in self.names):
-            return self.bench
-        kept = tuple(e for e in self.bench.candidates if e.name not in self.bench.refinements)
-        return dataclasses.replace(self.bench, candidates=kept, refinements=())
-
-    def _single(self) -> bool:
+    def _single(self, much_is_left: bool) -> bool:
         """Add the best candidate, if unseen windows support it."""
         self.ready()
-        bench = self._bench_of_round()
-        ranking = rank_with_constants(bench, self.model, self.names, self.parts, self.meter)
+        effects = self.bench.sought(self.names, much_is_left)
+        ranking = rank_with_constants(self.bench, self.model, self.names, effects, self.parts, self.meter)
         if ranking.valley is not None:
             self._refit((self.model, ranking.valley))
-            ranking = rank_with_constants(bench, self.model, self.names, self.parts, self.meter)
+            ranking = rank_with_constants(self.bench, self.model, self.names, effects, self.parts, self.meter)
         best = ranking.supported(len(self.found))
         if best is not None and not explains(best, len(self.found)):
             best = None

@@ -67,7 +67,7 @@ def best_pairs(
     judged = [candidate for candidate in ranking.candidates if candidate.judged]
     leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
     leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
-    sought = bench.sought(accepted)
+    sought = bench.sought(accepted, much_is_left=True)
     rest = sought if len(sought) <= len(CATALOGUE) + 1 else _best_alone(ranking, sought)
     if not any(effect not in leader.effects for leader in leaders for effect in rest):
         return []

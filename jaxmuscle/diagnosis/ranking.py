@@ -115,20 +115,18 @@ def rank(
     bench: Workbench,
     model: AbstractActuator,
     accepted: Sequence[str],
+    candidates: Sequence[Sought],
     problem: Problem,
     meter: Meter,
-    among: Sequence[Sought] | None = None,
 ) -> Ranking:
-    """Rank the candidates that are not yet accepted, or those `among` them.
+    """Rank the `candidates` for a model that has `accepted`.
 
     The model with each candidate is first fitted to everything (:func:`search`), which tells its valley. Then
     the present model and each candidate are fitted on all folds but one (:class:`Folds`), with all parameters
     that are free anyway, and judged on that one. A candidate that explains too little of the very windows
     that it was fitted to is not judged (:func:`_promising`).
     """
-    rest: list[Sought] = [e for e in among or () if e.name not in accepted]
-    rest = [*bench.sought(accepted)] if among is None else rest
-    rest.sort(key=carries_state, reverse=True)  # what takes longest comes first
+    rest = sorted(candidates, key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
         meter.expect(round_work(rest, FOLDS))

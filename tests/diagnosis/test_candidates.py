@@ -195,13 +195,19 @@ def test_of_candidates_that_are_as_good_the_simplest_comes_first():
     assert names([better, as_often, last]) == [bladder, creep, friction]
 
 
-def test_what_refines_friction_waits_until_a_friction_is_found(prepared):
+def test_what_refines_friction_waits_until_a_friction_is_found_that_leaves_much(prepared):
     kinds = [effects.ThreadFriction, effects.Creep]
     tools = workbench(prepared, kinds, refinements=[effects.Presliding])
-    assert [e.name for e in tools.sought([])] == ["thread_friction", "creep"]
-    assert [e.name for e in tools.sought(["creep"])] == ["thread_friction"]
-    assert [e.name for e in tools.sought(["thread_friction"])] == ["creep", "presliding"]
-    assert [e.name for e in tools.sought(["thread_friction", "presliding"])] == ["creep"]
+
+    def names(accepted, much_is_left):
+        return [effect.name for effect in tools.sought(accepted, much_is_left)]
+
+    assert names([], True) == ["thread_friction", "creep"]
+    assert names(["creep"], True) == ["thread_friction"]
+    assert names(["thread_friction"], True) == ["creep", "presliding"]
+    assert names(["thread_friction", "presliding"], True) == ["creep"]
+    # Every guide has a little of it.
+    assert names(["thread_friction"], False) == ["creep"]
     # It is carried where it is sought or was added, so that no other search becomes dearer.
     assert set(tools.dressed(tools.model, ["creep"]).effects) == {"thread_friction", "creep"}
     bristly = tools.dressed(tools.model, ["thread_friction", "presliding"])

@@ -24,7 +24,7 @@ def pair_in(effects):
     bench = workbench(prepared, missing(prepared.actuator, CANDIDATES))
     meter = Meter(lambda progress: None)
     start = forward_selection(prepared, bench, meter)
-    ranking = rank(bench, start.model, [], start.parts, meter)
+    ranking = rank(bench, start.model, [], bench.sought([], True), start.parts, meter)
     found = best_pairs(bench, start.model, [], ranking, start.parts, meter)
     assert len(found) <= 1, "nothing here has a constant"
     return found[0] if found else None
