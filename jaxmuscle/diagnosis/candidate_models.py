@@ -72,6 +72,10 @@ class CandidateModels:
         carried = {e.name: had.get(e.name, e()) for e in borne} if wanted else {}
         return bare.with_effects(**carried)
 
+    def bare(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
+        """`model` without the candidates that are not in `names`."""
+        return model.without_effects(*(e.name for e in self.candidates if e.name not in names))
+
     def order(self, model: AbstractActuator) -> list[str]:
         """Every path that a fit of a model of this structure may ever move."""
         carried = [effect.name for effect in self.candidates if effect.name in model.effects]

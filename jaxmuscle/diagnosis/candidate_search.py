@@ -5,6 +5,7 @@ Work is counted in seconds of the sample `lift` on two cores, from nothing compi
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -66,7 +67,7 @@ def search(
         "search",
         model,
         [*accepted, effect.name],
-        (len(accepted), problem, present),
+        (len(accepted), problem, dataclasses.replace(present, model=bench.bare(present.model, accepted))),
         lambda: _search(bench, model, accepted, effect, problem, present, meter),
         lambda: meter.had(search_work(effect), f"trying {effect.name}"),
     )

@@ -70,7 +70,7 @@ class Outcome:
 
 def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, begin: float) -> Diagnosis:
     """Put everything together. `begin`: `time.perf_counter()` at the start of the diagnosis."""
-    declared = _lean(bench, outcome.declared, [])
+    declared = bench.bare(outcome.declared, [])
     begun = in_background(lambda: _begun(case, outcome))
     outcome, final, refused = _borne_out(case, bench, training, outcome)
     names = [candidate.name for candidate in outcome.found]
@@ -104,7 +104,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
         share_left=remaining,
         rounds=outcome.rounds,
         declared=declared,
-        model=final.actuator if final else _lean(bench, outcome.model, names),
+        model=final.actuator if final else bench.bare(outcome.model, names),
         fit=final,
         before=before,
         after=after,
@@ -176,11 +176,6 @@ def _without(bench: Workbench, training: Problem, outcome: Outcome, refused: Col
     return dataclasses.replace(outcome, model=fitted.model, found=kept, folds=(), converged=converged)
 
 
-def _lean(bench: Workbench, model: AbstractActuator, names: list[str]) -> AbstractActuator:
-    """The model without the candidates that were not added."""
-    return model.without_effects(*(e.name for e in bench.candidates if e.name not in names))
-
-
 def _believed(case: Case, bench: Workbench, names: list[str]) -> dict[str, Prior]:
     """What the card says, without the constants that were found to be wrong."""
     return {path: prior for path, prior in case.priors.items() if path not in bench.freed(names)}
@@ -202,7 +197,7 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
     program, given = bench.program(model), (case.recording,)
     found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
-    lean = _lean(bench, found.actuator, names)
+    lean = bench.bare(found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from jaxmuscle._config import require_double_precision
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
-from jaxmuscle.diagnosis.card_constants import card_constants
+from jaxmuscle.diagnosis.card_constants import CardConstant, card_constants
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
@@ -31,7 +31,7 @@ from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
-from jaxmuscle.estimation.case import case, check_held_out, check_parts
+from jaxmuscle.estimation.case import Case, case, check_held_out, check_parts
 from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask, usable
@@ -119,12 +119,18 @@ def diagnose(
     chosen = (*(CATALOGUE if catalogue is None else catalogue), *further)
     kinds = [type(actuator_from_card(whole.card)), *chosen]
     of = partial(origin, [whole], kinds, (kept_out, ignored, catalogue is None, constants))
-    with checkpoint_at(resume, of, partial(meter.did, 0.0), "fits") as checkpoint:
-        seek = partial(_diagnosed, whole, kept_out, ignored, meter=meter, checkpoint=checkpoint)
-        if catalogue is not None:
-            return interruptible(lambda: seek(chosen, constants=constants), meter.stop)
-        passes = partial(seek, refinements=(Presliding,))
-        return interruptible(lambda: _in_passes(passes, further, constants), meter.stop)
+    kept = Checkpoint(None) if resume is None else resume  # what one pass has fitted serves the next ones
+    with checkpoint_at(kept, of, partial(meter.did, 0.0), "fits") as checkpoint:
+
+        def work() -> Diagnosis:
+            seek = partial(
+                _diagnosed, _prepared(whole, kept_out, ignored), meter=meter, checkpoint=checkpoint
+            )
+            if catalogue is not None:
+                return seek(chosen, constants=constants)
+            return _in_passes(partial(seek, refinements=(Presliding,)), further, constants)
+
+        return interruptible(work, meter.stop)
 
 
 def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) -> float | NDArray[np.bool_]:
@@ -187,10 +193,28 @@ def _has_dry_friction(actuator: AbstractActuator) -> bool:
     return dry and Presliding.name not in actuator.effects and actuator.offers(Presliding)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Prepared:
+    """A recording made ready for every search; `masks`: column → rows whose readings count for nothing.
+
+    `fallible`: constants of the card that may be wrong.
+    """
+
+    case: Case
+    masks: Mapping[str, NDArray[np.bool_]]
+    fallible: Sequence[CardConstant]
+
+
+def _prepared(recording: Recording, held_out: float | NDArray[np.bool_], ignored: Mask | None) -> _Prepared:
+    require_double_precision("a diagnosis")
+    masks = _masks(recording, ignored)
+    ready = case(recording, held_out, masks)
+    check_parts(ready)
+    return _Prepared(ready, masks, card_constants(ready))
+
+
 def _diagnosed(
-    recording: Recording,
-    held_out: float | NDArray[np.bool_],
-    ignored: Mask | None,
+    ready: _Prepared,
     catalogue: Sequence[type[AbstractEffect]],
     first: type[AbstractEffect] | None = None,
     *,
@@ -199,27 +223,26 @@ def _diagnosed(
     meter: Meter,
     checkpoint: Checkpoint,
 ) -> Diagnosis:
-    """Arguments as of :func:`diagnose`; `first`: an effect without which none of the others is tried;
-    `refinements`: effects that are tried once a dry friction was found.
+    """A search among a catalogue; `constants`: whether those of the card are among the candidates.
+
+    Args:
+        first: an effect without which none of the others is tried.
+        refinements: effects that are tried once a dry friction was found.
     """
-    require_double_precision("a diagnosis")
     begin = time.perf_counter()
-    masks = _masks(recording, ignored)
-    prepared = case(recording, held_out, masks)
-    check_parts(prepared)
-    actuator = prepared.actuator
-    candidates = excited(prepared, actuator, missing(actuator, catalogue))
-    fallible = card_constants(prepared) if constants else []
+    actuator = ready.case.actuator
+    candidates = excited(ready.case, actuator, missing(actuator, catalogue))
+    sought = ready.fallible if constants else ()
     bench = workbench(
-        prepared,
+        ready.case,
         candidates,
         carried=[first] if first in candidates else [],
-        constants=fallible,
+        constants=sought,
         refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
         checkpoint=checkpoint,
     )
-    meter.expect(DECLARED + round_work([*candidates, *fallible], FOLDS) + CONCLUSION)
-    selection = forward_selection(prepared, bench, meter, first)
+    meter.expect(DECLARED + round_work([*candidates, *sought], FOLDS) + CONCLUSION)
+    selection = forward_selection(ready.case, bench, meter, first)
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):
         selection.seek()
@@ -231,9 +254,9 @@ def _diagnosed(
         tuple(selection.rounds),
         selection.folds,
         selection.converged,
-        masks,
+        ready.masks,
     )
-    return conclude(prepared, bench, selection.training, outcome, begin)
+    return conclude(ready.case, bench, selection.training, outcome, begin)
 
 
 def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.bool_]]:

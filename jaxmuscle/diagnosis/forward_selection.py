@@ -165,18 +165,21 @@ def forward_selection(
     ready = compiling(bench, parts) if first is None else (lambda: None)
     declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
     meter.did(DECLARED, "fitting the declared model with its final weights")
-    parts = _with_spread(case, parts, declared)
+    parts = _with_spread(case, bench, parts, declared)
     declared = bench.settled(declared, [], parts, FIT_STEPS).model
-    training = _with_spread(case, case.training, declared)
+    training = _with_spread(case, bench, case.training, declared)
     fitted = bench.settled(declared, [], training, FIT_STEPS)
     converged = fitted.converged
     return ForwardSelection(bench, parts, training, meter, ready, fitted.model, converged)
 
 
-def _with_spread(case: Case, training: Problem, model: AbstractActuator) -> Problem:
+def _with_spread(case: Case, bench: Workbench, training: Problem, model: AbstractActuator) -> Problem:
     """The training windows, with weights that allow for what the smoothed states leave uncertain."""
     wider = {name: SPREAD * values for name, values in case.observed.spread.items()}
-    return training.allowing(expected_spread(model, training, wider))
+    variance = bench.checkpoint.remember(
+        "spread", (bench.bare(model, []), training), lambda: expected_spread(model, training, wider)
+    )
+    return training.allowing(variance)
 
 
 def _round(ranking: Ranking, best: Candidate | None) -> Round:

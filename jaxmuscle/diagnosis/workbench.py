@@ -148,12 +148,14 @@ class Workbench(CandidateModels):
     ) -> SettledFit:
         """A fit of `model` with `effects` out of the checkpoint, or computed and kept there.
 
+        Candidates that are not in `effects` change nothing: what one bench has fitted serves another one of
+        the same recording that has other candidates.
+
         Args:
-            kind: what is done; `inputs`: all that determines its outcome beside model, effects and bench.
+            kind: what is done; `inputs`: all that determines its outcome beside model, effects and recording.
             passed_over: called in place of `compute` where the checkpoint has it.
         """
-        own = [each.name for each in (*self.candidates, *self.constants)], self.carried, self.width
-        of = (own, self.declared, model, list(effects), inputs)
+        of = self.bare(model, effects), list(effects), inputs
 
         def restored(record: object) -> SettledFit:
             passed_over()

@@ -41,24 +41,27 @@ def _warn(message: str) -> None:
 
 
 class Checkpoint:
-    """What is finished of one diagnosis or fit in a file, which is written anew, whole or not at all.
+    """What is finished of one diagnosis or fit, in memory and in a file, which is written anew, whole or not
+    at all.
 
     Threads may share it.
 
     Attributes:
-        place: the file; `None` where nothing is kept.
+        place: the file; `None` where it is kept in memory alone.
+        keeps: whether anything is kept.
         taken_over: outcomes that were in the file when it was opened.
         recalled: how often one was looked up in place of being computed.
     """
 
-    def __init__(self, place: Path | None, told: Callable[[str], None] = _warn) -> None:
+    def __init__(self, place: Path | None, told: Callable[[str], None] = _warn, keeps: bool = True) -> None:
         """Look at nothing yet; `told` gets a line where the file cannot be used."""
-        self.place = place
+        self.place, self.keeps = place, keeps
         self.told = told
         self.taken_over = self.recalled = 0
         self._origin: dict[str, str] = {}
         self._kept: dict[str, Any] = {}
         self._lines: list[str] = []
+        self._remembered: dict[str, Any] = {}
         self._last, self._behind = -float("inf"), False
         self._lock = threading.Lock()
         self._open = False
@@ -116,7 +119,7 @@ class Checkpoint:
             record, restored: an outcome as plain data of finite numbers, and back.
             every: seconds between two writings of the file; what is kept in between may be lost by a kill.
         """
-        if self.place is None:
+        if not self.keeps:
             return list(compute(list(range(len(of)))))
         keys = [digest(kind, each) for each in of]
         with self._lock:
@@ -125,18 +128,32 @@ class Checkpoint:
         new = [i for i in range(len(of)) if i not in found]
         computed = dict(zip(new, compute(new), strict=True)) if new else {}
         with self._lock:
-            if self._open and new:
-                for i, outcome in computed.items():
-                    self._keep(keys[i], record(outcome))
+            for i, outcome in computed.items():
+                self._keep(keys[i], record(outcome))
+            if self._open and new and self.place is not None:
                 self._behind = True
                 if time.monotonic() - self._last >= every:
                     self._write(self.place)
         return [computed[i] if i in computed else restored(found[i]) for i in range(len(of))]
 
+    def remember(self, kind: str, of: object, compute: Callable[[], Outcome]) -> Outcome:
+        """An outcome that is kept in memory alone, because it is quickly made again.
+
+        Args:
+            kind, of: what is done, and all that determines the outcome.
+        """
+        if not self.keeps:
+            return compute()
+        key = digest(kind, of)
+        if key not in self._remembered:
+            self._remembered[key] = compute()
+        return self._remembered[key]
+
     def _keep(self, key: str, record: Any) -> None:
         if key not in self._kept:  # Two threads may have computed the same.
             self._kept[key] = record
-            self._lines.append(f"{json.dumps(key)}: {json.dumps(record, allow_nan=False)}")
+            if self.place is not None:
+                self._lines.append(f"{json.dumps(key)}: {json.dumps(record, allow_nan=False)}")
 
     def _write(self, place: Path) -> None:
         kept = "{" + ",\n".join(self._lines) + "}"
@@ -149,7 +166,7 @@ class Checkpoint:
         self._last, self._behind = time.monotonic(), False
 
 
-NOTHING_KEPT = Checkpoint(None)
+NOTHING_KEPT = Checkpoint(None, keeps=False)
 """Computes everything and keeps nothing."""
 
 
@@ -173,7 +190,7 @@ def checkpoint_at(
     if not (resume is None or isinstance(resume, str | os.PathLike | Checkpoint)):
         raise InputError(f"resume: expected the path of a file, or None; got {type(resume).__name__}")
     given = isinstance(resume, Checkpoint)
-    found = resume if given else Checkpoint(None if resume is None else Path(resume))
+    found = resume if given else NOTHING_KEPT if resume is None else Checkpoint(Path(resume))
     if found.place is not None:
         found.open(made_for())
     if found.taken_over:

@@ -68,7 +68,7 @@ def _pieces(node: Any) -> Iterator[bytes]:
     if dataclasses.is_dataclass(node) and not isinstance(node, type):
         entries = [(field.name, getattr(node, field.name)) for field in dataclasses.fields(node)]
     elif isinstance(node, Mapping):
-        entries = list(node.items())
+        entries = sorted(node.items(), key=lambda item: repr(item[0]))
     elif isinstance(node, list | tuple):
         entries = list(enumerate(node))
     else:

@@ -98,7 +98,7 @@ class Objective:
 
     def at(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""
-        if self.checkpoint is NOTHING_KEPT:
+        if not self.checkpoint.keeps:
             return self._evaluated(points)
         return self.checkpoint.recall(
             "evaluation",
