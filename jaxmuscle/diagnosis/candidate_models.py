@@ -22,8 +22,8 @@ class CandidateModels:
     Candidates without a state of their own cost next to nothing at zero strength: every model carries them
     all. Those with a state (creep, hysteresis, lags) make each step several times dearer: a model carries
     all of them where one is tried or has been added, and none otherwise, but for those that are `carried`
-    always. Two structures are compiled; one for each candidate with a state took 52 s of a core where these
-    two take 36.
+    always. Two structures are compiled (one for each candidate with a state took 52 s of a core where these
+    two take 36), and a small one where constants are tried.
 
     Attributes:
         model: the declared machine with every candidate without a state, at zero strength.
@@ -63,14 +63,18 @@ class CandidateModels:
         """`model` carrying every candidate that has a state if `names` has one, else none.
 
         Those that are not in `names` are at zero strength; of refinements only those in `names` are carried.
+        Where constants of the card alone are tried it carries no candidate: this structure is soon compiled.
         """
+        if names and not any(effect.name in names for effect in self.candidates):
+            return self.bare(model, names)
         stateful = self.changing
         wanted = [effect.name for effect in stateful if effect.name in names]
         bare = model.without_effects(*(effect.name for effect in stateful))
+        still = {name: effect for name, effect in self.model.effects.items() if name not in model.effects}
         had = {name: model.effects[name] for name in wanted if name in model.effects}
         borne = [e for e in stateful if e.name in wanted or e.name not in self.refinements]
         carried = {e.name: had.get(e.name, e()) for e in borne} if wanted else {}
-        return bare.with_effects(**carried)
+        return bare.with_effects(**still, **carried)
 
     def bare(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` without the candidates that are not in `names`."""

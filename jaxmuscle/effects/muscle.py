@@ -217,7 +217,7 @@ class Creep(AbstractRateEffect):
 
     name: ClassVar = "creep"
     slot: ClassVar = MUSCLE_FORCE
-    reads: ClassVar = frozenset({"contraction"})
+    reads: ClassVar = frozenset({"muscle", "contraction"})
     strength: ClassVar = "stiffness"
     starts: ClassVar = (
         {"fast_time": 1.0, "slow_time": 6.0},

@@ -21,6 +21,7 @@ from jaxmuscle.diagnosis.candidates import (
     shapes,
     strengths,
 )
+from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
@@ -213,3 +214,14 @@ def test_what_refines_friction_waits_until_a_friction_is_found_that_leaves_much(
     bristly = tools.dressed(tools.model, ["thread_friction", "presliding"])
     assert set(bristly.effects) == {"thread_friction", "creep", "presliding"}
     assert set(tools.dressed(bristly, ["thread_friction"]).effects) == {"thread_friction"}
+
+
+def test_constants_alone_are_tried_in_a_small_structure(prepared):
+    constants = card_constants(prepared)
+    tools = workbench(prepared, [effects.ThreadFriction, effects.Creep], constants=constants)
+    small = tools.dressed(tools.model, [constants[0].name])
+    assert not small.effects and tools.order(small) == list(
+        dict.fromkeys([*tools.declared, *(constant.path for constant in constants)])
+    )
+    assert set(tools.dressed(small, []).effects) == {"thread_friction"}
+    assert set(tools.dressed(small, [constants[0].name, "creep"]).effects) == {"thread_friction", "creep"}
