@@ -11,6 +11,10 @@ class InputError(ValueError):
     """The user's input is at fault: the message says what was expected, what came and what to do."""
 
 
+class NoFitError(InputError):
+    """No start of a fit led anywhere: predictions are not numbers, or the solver gave up."""
+
+
 class UnknownNameError(InputError, KeyError):
     """There is nothing of that name; a `KeyError` too, for those who look something up by name."""
 

@@ -39,6 +39,7 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.errors import NoFitError
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
 from jaxmuscle.estimation.free_parameters import Prior
@@ -135,13 +136,23 @@ def _borne_out(
 ) -> tuple[Outcome, FitResult | None, dict[str, str]]:
     """The outcome with the values of the last fit, without effects that this fit does not bear out.
 
+    An effect with which predictions from some window on are not numbers is none either: those that were
+    added last are taken out until the others can be fitted.
+
     Returns:
         outcome, last fit, and name of each effect that was taken out again → why.
     """
     refused: dict[str, str] = {}
     while True:
         names = [candidate.name for candidate in outcome.found]
-        final = _final_fit(case, bench, outcome, names)
+        try:
+            final = _final_fit(case, bench, outcome, names)
+        except NoFitError:
+            if not names:
+                raise
+            refused[names[-1]] = "the last fit with it failed: its predictions are not numbers everywhere"
+            outcome = _without(bench, training, outcome, names[-1:])
+            continue
         if final is None:
             return outcome, None, refused
         fitted = {entry.path: entry.value for entry in final.parameters.values()}

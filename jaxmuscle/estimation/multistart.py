@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxmuscle.errors import InputError
+from jaxmuscle.errors import NoFitError
 from jaxmuscle.estimation.dataset import Station, in_parts, widened
 from jaxmuscle.estimation.deferred_correction import refined
 from jaxmuscle.estimation.initial_states import loosened
@@ -76,7 +76,7 @@ def winner_of(lanes: Sequence[Lane]) -> Lane:
     """The best lane.
 
     Raises:
-        InputError: all failed; the reasons are counted.
+        NoFitError: all failed; the reasons are counted.
     """
     winner = best(lanes)
     if winner is not None:
@@ -84,7 +84,7 @@ def winner_of(lanes: Sequence[Lane]) -> Lane:
     reasons = [lane.reason for lane in lanes]
     counted = "; ".join(f"{reasons.count(r)} × {r}" for r in dict.fromkeys(reasons))
     many = f"all {len(lanes)} starts failed" if len(lanes) > 1 else "the only start failed"
-    raise InputError(
+    raise NoFitError(
         f"{many}: {counted}. Check the values and units on the card, narrow the priors, or set bounds"
     )
 
@@ -144,7 +144,7 @@ def search(task: Search) -> Found:
     """Bring all starts down.
 
     Raises:
-        InputError: all starts failed; the reasons are counted.
+        NoFitError: all starts failed; the reasons are counted.
     """
     objective, counted = side_by_side(task.objective, len(task.points)), _Counter(task.tell)
     limits = _limits(task)
