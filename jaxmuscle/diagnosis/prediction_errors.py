@@ -41,11 +41,15 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     for name in model.derivatives:
         if name in model.imposed or np.ndim(case.observed.track.measured[name]) != 1:
             continue
-        sure = (DOUBT * np.asarray(case.observed.spread[name])[rows]) ** -2.0
+        spread = np.asarray(case.observed.spread[name])[rows]
+        # Where readings stand still to the last digit smoothing leaves no doubt: such a start stays.
+        doubtful = spread > 0
+        sure = (DOUBT * np.where(doubtful, spread, 1.0)) ** -2.0
         first = here = np.asarray(whole.track.measured[name])[rows]
         near = np.asarray(case.windows.mask) & (np.arange(case.windows.samples) < REACH)
         for _ in range(ROUNDS):
-            here = here + _step(model, whole.only(near), name, here, first - here, sure)
+            step = _step(model, whole.only(near), name, here, first - here, sure)
+            here = here + np.where(doubtful, step, 0.0)
             whole = _with_starts(whole, name, here)
     return whole
 

@@ -72,6 +72,19 @@ def test_what_smoothing_knows_well_stays(lifted):
     np.testing.assert_allclose(before, after, atol=1e-6)
 
 
+def test_a_start_without_any_doubt_stays(lifted):
+    """Readings that do not move in their last digit leave a spread of zero."""
+    prepared, _ = lifted
+    sure = {name: np.where(np.arange(len(values)) < 300, 0.0, values)
+            for name, values in prepared.observed.spread.items()}  # fmt: skip
+    certain = dataclasses.replace(prepared, observed=dataclasses.replace(prepared.observed, spread=sure))
+    before, after = (
+        p.track.measured["velocity"] for p in (certain.problem, begun(certain, certain.actuator))
+    )
+    np.testing.assert_array_equal(before[:300], after[:300])
+    assert np.isfinite(after).all() and not np.array_equal(before[300:], after[300:])
+
+
 def test_an_imposed_velocity_stays():
     prepared = case(driven_recording({}, driven_card({})), 0.0)
     assert begun(prepared, prepared.actuator) is prepared.problem
