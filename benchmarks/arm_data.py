@@ -8,13 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator
-from jaxmuscle.simulation import Start, Track, predict
+from jaxmuscle.simulation import Track, predict
+from jaxmuscle.simulation.track import start_at_rest
 
 Array = NDArray[np.float64]
 
@@ -85,16 +87,25 @@ def load() -> Arm | None:
     return None
 
 
-def recording(arm: Arm, joint: int, episodes: Iterable[int], machine: AbstractActuator) -> jm.Recording:
-    """Episodes of one joint, one after the other, to be predicted 100 ms ahead."""
+def recording(
+    arm: Arm,
+    joint: int,
+    episodes: Iterable[int],
+    machine: AbstractActuator,
+    noise: float = 0.02,
+    horizon: float = (AHEAD + 1) * STEP,
+) -> jm.Recording:
+    """Episodes of one joint, one after the other, to be predicted over a `horizon` [s].
+
+    Args:
+        noise: standard deviation of the angle [rad].
+    """
     parts = [np.arange(arm.first[e], arm.last[e] + 1) for e in episodes]
     breaks = np.cumsum([len(part) for part in parts])[:-1].tolist()
     rows = np.concatenate(parts)
     columns = {"angle": arm.angle[rows, joint]}
     columns |= {f"pressure_{i + 1}": arm.pressure[rows, 2 * joint + i] for i in (0, 1)}
-    return jm.recording(
-        machine, columns, STEP, noise={"angle": 0.02}, horizon=(AHEAD + 1) * STEP, breaks=breaks
-    )
+    return jm.recording(machine, columns, STEP, noise={"angle": noise}, horizon=horizon, breaks=breaks)
 
 
 def instants(arm: Arm, joint: int, episodes: Iterable[int]) -> Instants:
@@ -146,7 +157,7 @@ def _continued(at: Instants, fade: float) -> Array:
 
 @eqx.filter_jit
 def _ahead(machine, pressure, angle, velocity):
-    """Every instant is a run of its own on one long track; without memory there is nothing to carry on."""
+    """Every instant is a run of its own on one long track."""
     count, length, _ = pressure.shape
     first = lambda values: jnp.repeat(values, length)  # noqa: E731
     measured = {
@@ -155,8 +166,10 @@ def _ahead(machine, pressure, angle, velocity):
         "angular_velocity": first(velocity),
     }
     track = Track(jnp.asarray(STEP), jnp.zeros(count * length), measured)
-    rows, none = jnp.arange(count) * length, Start({"effects": {}}, {})
-    angles = predict(machine, track, rows, samples=length, imposed=("pressure",), substeps=4, hidden=none)
+    rows = jnp.arange(count) * length
+    # What effects remember of the time before an instant is not known here: they begin as at rest.
+    hidden = jax.vmap(lambda row: start_at_rest(machine, track, row))(jnp.arange(count * length))
+    angles = predict(machine, track, rows, samples=length, imposed=("pressure",), substeps=4, hidden=hidden)
     return angles["angle"][:, -1]
 
 

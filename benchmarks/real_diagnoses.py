@@ -15,14 +15,18 @@ import platform
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import arm_data
 import cylinder_friction
 import numpy as np
 import psu_isometric as psu
 import real_emps as emps
+import real_pam_arm as pam_arm
 import real_static_force as static
+from arm_joint import ArmJoint
 from published_rows import counts, finite, row
 from scipy.io import loadmat
 from scipy.signal import lfilter
@@ -35,6 +39,7 @@ from jaxmuscle.recordings.joining import joined
 EVERY = 4
 """Of the drive's samples, taken at 1 kHz, means of so many."""
 SEALS = (1, 3, 5, 7)
+ARM_EPISODES = 24
 
 
 def rms(values: Any) -> float:
@@ -152,7 +157,38 @@ def muscle(root: Path) -> dict[str, Any]:
             "named": bool(found.effects), **said(found)}  # fmt: skip
 
 
-MACHINES: dict[str, Callable[[Path], dict[str, Any]]] = {"drive": drive, "piston": piston, "muscle": muscle}
+def arm_joint(joint: int, root: Path) -> dict[str, Any]:
+    """A joint of an arm of eight muscles, declared without any effect, 100 ms ahead on unseen episodes.
+
+    A diagnosis sees 24 of the episodes that are not held out, over windows of half a second; how pressures
+    go on is chosen on validation episodes.
+    """
+    arm = arm_data.load()
+    assert arm is not None, root
+    radius = pam_arm.RADIUS[joint]
+    bare = ArmJoint(muscle=pam_arm.MUSCLE, inertia=0.1, sprocket_radius=radius, initial_contraction=0.12)  # pyright: ignore
+    some = np.linspace(0, arm.split - 1, ARM_EPISODES).astype(int)
+    recorded = arm_data.recording(arm, joint, some, bare, noise=2e-3, horizon=0.5)
+    known = ("inertia", "initial_contraction", "end_factor")
+    card = recorded.card.updated({name: pam_arm.PRIORS[name] for name in known})
+    found = jm.diagnose(dataclasses.replace(recorded, card=card))
+    chosen, unseen = (arm_data.instants(arm, joint, part) for part in (arm.validation, arm.held_out))
+
+    def error(machine: Any, at: arm_data.Instants, fade: float) -> float:
+        return rms(arm_data.ahead(machine, at, fade=fade) - at.then)
+
+    fade = min(pam_arm.FADES, key=lambda fade: error(found.model, chosen, fade))
+    errors = {n: error(m, unseen, fade) for n, m in (("before", found.declared), ("after", found.model))}
+    box = arm_data.linear(arm_data.instants(arm, joint, arm.training), unseen, coming=False)
+    rubs = any(effect.name in ("load_friction", "thread_friction") for effect in found.effects)
+    return {"figure": f"joint {joint} of an arm, 100 ms ahead", **errors, "black_box": box,
+            "goal": {0: 0.0571, 3: 0.0585}[joint], "unit": "rad", "named": rubs, **said(found)}  # fmt: skip
+
+
+MACHINES: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "drive": drive, "piston": piston, "muscle": muscle,
+    "joint_0": partial(arm_joint, 0), "joint_3": partial(arm_joint, 3),
+}  # fmt: skip
 
 
 def main() -> int:
@@ -167,8 +203,8 @@ def main() -> int:
     for name in arguments.only:
         found = MACHINES[name](root.parent)
         print(f"{found['figure']}: {found['verdict']}, {', '.join(found['effects']) or 'nothing added'}; "
-              f"{found['before']:.1f} -> {found['after']:.1f} {found['unit']}, linear black box "
-              f"{found['black_box']:.1f}; {found['missing_in_noise']:.1f} noise units left; "
+              f"{found['before']:.3g} -> {found['after']:.3g} {found['unit']}, linear black box "
+              f"{found['black_box']:.3g}; {found['missing_in_noise']:.1f} noise units left; "
               f"{found['seconds']:.0f} s", flush=True)  # fmt: skip
         for path, (value, std, unit) in found["parameters"].items():
             print(f"    {path} = {value:.4g} ± {std:.2g} {unit}")

@@ -40,6 +40,10 @@ EPISODES, FEWER = 80, 40
 """Episodes to which the chosen model, and to which every model that may be chosen, is fitted."""
 FADES = (0.0, 0.02, 0.05, 0.1)
 """Time constants with which pressures may be continued [s]."""
+MUSCLE = McKibben(0.3, 0.01, np.deg2rad(23), 1.2)  # pyright: ignore
+RADIUS = {0: 0.03, 3: 0.015}
+"""Of each joint [m]. The wrist turns through ± 2 rad; a large sprocket would stretch its muscles beyond their
+braid."""
 PRIORS = {
     "inertia": (0.1, 0.1),
     "initial_contraction": (0.12, 0.05),
@@ -73,10 +77,7 @@ def declared(joint: int, free: Sequence[str]) -> ArmJoint:
         "bladder_stiffness": effects.BladderStiffness(stiffness=100.0),  # pyright: ignore
         "thread_friction": effects.ThreadFriction(static_coefficient=0.02, kinetic_coefficient=0.02),  # pyright: ignore
     }
-    muscle = McKibben(0.3, 0.01, np.deg2rad(23), 1.2)  # pyright: ignore
-    # The wrist turns through ± 2 rad; a large sprocket would stretch its muscles beyond their braid.
-    radius = 0.03 if joint == 0 else 0.015
-    bare = ArmJoint(muscle=muscle, inertia=0.1, sprocket_radius=radius, initial_contraction=0.12)  # pyright: ignore
+    bare = ArmJoint(muscle=MUSCLE, inertia=0.1, sprocket_radius=RADIUS[joint], initial_contraction=0.12)  # pyright: ignore
     used = {name for name in plain if any(path.startswith(f"{name}.") for path in free)}
     return bare.with_effects(**{name: effect for name, effect in plain.items() if name in used})
 
