@@ -4,6 +4,7 @@ Ctrl-C ends the real program at once, and nothing is left half-written.
 """
 
 import _thread
+import contextlib
 import os
 import shutil
 import signal
@@ -300,7 +301,8 @@ def test_ctrl_c_ends_every_command_at_once(tmp_path, inputs, name, moment):
         assert program.stderr is not None
         while wait_for and wait_for not in program.stderr.readline():
             pass
-        time.sleep(moment + (0.0 if wait_for else START))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            program.wait(moment + (0.0 if wait_for else START))
         begin = time.monotonic()
         program.send_signal(signal.SIGINT)
         out, rest = program.communicate(timeout=60)

@@ -57,8 +57,10 @@ def folder(tmp_path: Path) -> Path:
     return place
 
 
-def program(folder: Path, moment: int | str, *arguments: str, before: str = "") -> subprocess.CompletedProcess[str]:
-    """Run the program in `folder`, from a shell that has done `before`."""
+def program(
+    folder: Path, moment: int | str, *arguments: str, before: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """Run the program in `folder`, from a shell that has done `before`; `moment`: as of `killed.py`."""
     script = f'{before}cd "$0" && exec "$@"'
     tests = Path(__file__).parents[1]
     call = [sys.executable, str(tests / "killed.py"), str(moment), CODE, *arguments]
