@@ -2,7 +2,7 @@
 folder: `python killed.py N CODE ARGUMENT …`. With N = 0 it runs to its end.
 
 With a folder in place of N it runs to its end, too, and before each such thing copies what is visible in the
-working folder to `FOLDER/1`, `FOLDER/2`, …: what would be there had it been killed at that moment. So a single
+working folder to `FOLDER/1`, `FOLDER/2`, …: what would be there had it been killed at that moment. A single
 run shows all of them.
 """
 
