@@ -137,7 +137,7 @@ def evaluate(actuator: AbstractActuator, problem: Problem) -> Evaluated:
 
 
 def evaluate_chain(actuator: AbstractActuator, problem: Problem) -> Evaluated:
-    """Predictions from the command alone, compiled like :func:`evaluate`, for a recording and its parts once."""
+    """Predictions from the command alone, compiled once for a recording and its parts."""
     return without_padding(_chain_predictions(actuator, in_buckets(problem, whole=True)), problem)
 
 
