@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from fitting_casadi import CasadiLift
-from fitting_race import FREE, OFF, SAME, Trace, Vector, local, runners, task
+from fitting_descents import FREE, OFF, SAME, Trace, Vector, local, runners, task
 from numpy.typing import NDArray
 
 from jaxmuscle._config import cores

@@ -4,6 +4,7 @@ Ctrl-C ends the real program at once, and nothing is left half-written.
 """
 
 import _thread
+import contextlib
 import os
 import shutil
 import signal
@@ -189,14 +190,19 @@ def test_ctrl_c_ends_a_diagnosis_at_once(tmp_path, wait_for):
 @pytest.mark.slow
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
-def test_the_same_command_goes_on_where_it_was(tmp_path):
-    """After Ctrl-C and after a kill; nothing but the finished fits is left meanwhile."""
+def test_the_same_command_goes_on_where_it_was(tmp_path, tmp_path_factory):
+    """After Ctrl-C and after a kill; nothing but the finished fits is left meanwhile.
+
+    Compiled programs are kept from one to the next, as they are for a user.
+    """
+    programs = str(tmp_path_factory.mktemp("programs"))
+    kept = {"JAX_ENABLE_COMPILATION_CACHE": "true", "JAX_COMPILATION_CACHE_DIR": programs}
 
     def run(sent=None):
         with subprocess.Popen(
             [sys.executable, "-m", "jaxmuscle.cli", "diagnose", "--resume", "--no-report"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            env={**os.environ, **kept, "PYTHONPATH": os.pathsep.join(sys.path)},
         ) as program:  # fmt: skip
             assert program.stderr is not None
             lines = []
@@ -300,7 +306,8 @@ def test_ctrl_c_ends_every_command_at_once(tmp_path, inputs, name, moment):
         assert program.stderr is not None
         while wait_for and wait_for not in program.stderr.readline():
             pass
-        time.sleep(moment + (0.0 if wait_for else START))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            program.wait(moment + (0.0 if wait_for else START))
         begin = time.monotonic()
         program.send_signal(signal.SIGINT)
         out, rest = program.communicate(timeout=60)

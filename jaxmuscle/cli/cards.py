@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 from rich.table import Table
@@ -22,6 +22,17 @@ if TYPE_CHECKING:
     from jaxmuscle.recordings.survey import Survey
 
 
+Settings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="What you know: NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] for a quantity, "
+        "NAME=COLUMN[:UNIT[:gauge|absolute]] for a column, muscle=TYPE or valve=TYPE for a bought part "
+        "(--types). May be given several times.",
+    ),
+]
+
+
 def init(
     recording: Annotated[
         Path | None, typer.Argument(help="Table of a recording (.csv, .xlsx, .tdms, …).")
@@ -29,15 +40,7 @@ def init(
     rig: Annotated[
         str | None, typer.Option(help="What kind of machine it is; told by the columns when not given.")
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="What you know: NAME=VALUE[+-STD][:UNIT[:gauge|absolute]] for a quantity, "
-            "NAME=COLUMN[:UNIT[:gauge|absolute]] for a column, muscle=TYPE or valve=TYPE for a bought part "
-            "(--types). May be given several times.",
-        ),
-    ] = None,
+    settings: Settings = None,
     out: Annotated[
         Path | None,
         typer.Option(help="The card; the .toml of the same name beside the table when not given."),
@@ -69,10 +72,9 @@ def init(
     """
     with faults(debug):
         from jaxmuscle.actuators import RIGS, rig_named
-        from jaxmuscle.files import atomic_write, check_place
+        from jaxmuscle.files import atomic_write
         from jaxmuscle.recordings.draft import draft_card
         from jaxmuscle.recordings.read import table_in_file
-        from jaxmuscle.recordings.readers import file_of, table_name
         from jaxmuscle.report.columns_figure import can_be_drawn, draw_columns
 
         load_modules(module)
@@ -84,25 +86,32 @@ def init(
             return
         if recording is None:
             raise InputError("expected the table of a recording: jaxmuscle init bench.csv; or --list")
-        file_of(recording)  # What is no table, such as a folder, may have no name for a card either.
-        card = recording.with_name(f"{table_name(recording)}.toml") if out is None else out
-        if card.exists() and not force:
-            raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
-        check_place(card, "--out")
+        card = _new_card(recording, out, force)
         _check_picture(picture)
         table, _ = table_in_file(recording)
-        kind = _rig_of(table, rig, RIGS)
-        draft = draft_card(table, kind, settings or [])
-        if sys.stdin.isatty():
-            draft = _asked(draft)
-        drawn = [] if no_picture else [picture or card.with_suffix(".columns.png")]
-        if picture is None and not can_be_drawn(table, draft.specs):
+        draft = draft_card(table, _rig_of(table, rig, RIGS), settings or [])
+        draft = _asked(draft) if sys.stdin.isatty() else draft
+        drawn = [picture or card.with_suffix(".columns.png")]
+        if no_picture or not (picture or can_be_drawn(table, draft.specs)):
             drawn = []
         with atomic_write(card, *drawn) as (file, *unfinished):
             file.write_text(draft.to_toml(recording.name), encoding="utf-8")
             for each in unfinished:
                 draw_columns(table, draft.specs, each)
     _print_draft(draft, [card, *drawn])
+
+
+def _new_card(recording: Path, given: Path | None, force: bool) -> Path:
+    """Where the card of a recording goes; `InputError` when it cannot be written there."""
+    from jaxmuscle.files import check_place
+    from jaxmuscle.recordings.readers import file_of, table_name
+
+    file_of(recording)  # What is no table, such as a folder, may have no name for a card either.
+    card = recording.with_name(f"{table_name(recording)}.toml") if given is None else given
+    if card.exists() and not force:
+        raise InputError(f"{card} is there already; name another with --out, or replace it with --force")
+    check_place(card, "--out")
+    return card
 
 
 def _rig_of(table: Any, name: str | None, rigs: dict[str, Any]) -> Rig:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 from rich.table import Table
@@ -145,18 +145,21 @@ def _print_outcome(found: Diagnosis, files: list[Path]) -> None:
     list_files(files)
 
 
+Free: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What to fit: a quantity of the card, a path, offset.COLUMN, start.STATE (the state at the "
+        "first sample); what is uncertain if not given."
+    ),
+]
+
+
 def fit(
     recordings: Annotated[
         list[Path], typer.Argument(help="Tables of recordings (.csv, .xlsx, .tdms, …) of one rig.")
     ],
     card: Cards = None,
-    free: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What to fit: a quantity of the card, a path, offset.COLUMN, start.STATE (the state at the "
-            "first sample); what is uncertain if not given."
-        ),
-    ] = None,
+    free: Free = None,
     per_recording: Annotated[
         list[str] | None, typer.Option(help="What to fit with one value for each recording.")
     ] = None,

@@ -34,8 +34,8 @@ from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
 from jaxmuscle.estimation.case import Case, case, check_held_out, check_parts
 from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
-from jaxmuscle.estimation.missing_data import Mask, usable
-from jaxmuscle.estimation.outliers import sensor_outliers
+from jaxmuscle.estimation.missing_data import Mask
+from jaxmuscle.estimation.outliers import bad_rows
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench
@@ -207,7 +207,7 @@ class _Prepared:
 
 def _prepared(recording: Recording, held_out: float | NDArray[np.bool_], ignored: Mask | None) -> _Prepared:
     require_double_precision("a diagnosis")
-    masks = _masks(recording, ignored)
+    masks = bad_rows(recording, ignored)
     ready = case(recording, held_out, masks)
     check_parts(ready)
     return _Prepared(ready, masks, card_constants(ready))
@@ -257,11 +257,3 @@ def _diagnosed(
         ready.masks,
     )
     return conclude(ready.case, bench, selection.training, outcome, begin)
-
-
-def _masks(recording: Recording, ignored: Mask | None) -> dict[str, NDArray[np.bool_]]:
-    """Column → rows that do not count: those to be ignored, and outliers of the sensor."""
-    actuator = actuator_from_card(recording.card)
-    good = usable(actuator, recording, ignored).good
-    masks = sensor_outliers(actuator, recording, recording.card.noise)
-    return {column: ~good[column] | masks.get(column, False) for column in good}

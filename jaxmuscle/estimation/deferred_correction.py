@@ -24,9 +24,10 @@ CONVERGING = 0.4
 
 
 @eqx.filter_jit
-def _residuals(theta, actuator, problem, paths, times):
-    """Residuals with `times` as many steps; one compilation for all of them."""
-    return residual_vector(theta, actuator, problem, paths, Stepping(problem.substeps * times))
+def _residuals(actuator, problem, times):
+    """Residuals with `times` as many steps; one compilation for all of them, whatever is free."""
+    stepping = Stepping(problem.substeps * times)
+    return residual_vector(jnp.zeros(0), actuator, problem, (), stepping)
 
 
 def refined(objective: Objective, u: NDArray[np.float64], matrix: Float[np.ndarray, "k k"]) -> Objective:
@@ -81,10 +82,9 @@ def _change(
 
 def _at_steps(objective: Objective, number: int, u: NDArray[np.float64], times: int) -> NDArray[np.float64]:
     """Residuals of one recording with so many times the solver's steps."""
-    station, index = objective.stations[number], objective.unknowns.acting_on(number)
-    paths = objective.paths(number)
-    theta, often = jnp.asarray(objective.unknowns.values(u)[index]), jnp.asarray(times)
-    return station.own(_residuals(theta, station.actuator, station.common, paths, often))  # pyright: ignore
+    station = objective.stations[number]
+    machine, problem = objective.moved(number, u, station.common)
+    return station.own(_residuals(machine, problem, jnp.asarray(times)))  # pyright: ignore
 
 
 def _shifted(station: Station, change: NDArray[np.float64]) -> Station:

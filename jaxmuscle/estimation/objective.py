@@ -90,11 +90,14 @@ class Objective:
         """Where in the machine and its sensors the values act on one recording."""
         return tuple(self.unknowns.entries[i].place.path for i in self.unknowns.acting_on(number))
 
-    def moved(self, number: int, u: Vector) -> tuple[AbstractActuator, Problem]:
-        """Machine and problem of one recording at the coordinates u."""
+    def moved(
+        self, number: int, u: Vector, problem: Problem | None = None
+    ) -> tuple[AbstractActuator, Problem]:
+        """Machine and problem of one recording at the coordinates u; `problem`: another form of its own."""
         station, index = self.stations[number], self.unknowns.acting_on(number)
         values = [jnp.asarray(x) for x in self.unknowns.values(u)[index]]
-        return moved(station.actuator, station.problem, self.paths(number), values)
+        whole = station.problem if problem is None else problem
+        return moved(station.actuator, whole, self.paths(number), values)
 
     def at(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""

@@ -1,4 +1,4 @@
-"""Outliers of a sensor: single readings that no motion of the machine can have made."""
+"""Outliers of a sensor: single readings that no motion of the machine can have made; and all bad rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.effects.readings import measured_columns
-from jaxmuscle.estimation.missing_data import noise_beside_gaps
+from jaxmuscle.estimation.missing_data import Mask, noise_beside_gaps, usable
+from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
 
 Values = NDArray[np.float64]
@@ -77,3 +78,15 @@ def sensor_outliers(
         if rows.any():
             found[column] = rows
     return found
+
+
+def bad_rows(recording: Recording, ignored: Mask | None) -> dict[str, Rows]:
+    """Column → rows that do not count: those to be ignored, those that cannot be used, the sensor's outliers.
+
+    Raises:
+        InputError: too little is left (:func:`~jaxmuscle.estimation.missing_data.usable`).
+    """
+    actuator = actuator_from_card(recording.card)
+    good = usable(actuator, recording, ignored).good
+    wrong = sensor_outliers(actuator, recording, recording.card.noise)
+    return {column: ~rows | wrong.get(column, False) for column, rows in good.items()}

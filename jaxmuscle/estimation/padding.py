@@ -23,7 +23,7 @@ SLACK = 0.01
 """Part of a recording by which windows may reach further than its share: a share is rounded to that."""
 
 
-def in_buckets(problem: Problem) -> Problem:
+def in_buckets(problem: Problem, whole: bool = False) -> Problem:
     """The same problem in sizes that recordings of similar lengths have in common.
 
     All of them follow from the number of rows, so that two recordings share all or none: rows in the series,
@@ -31,18 +31,26 @@ def in_buckets(problem: Problem) -> Problem:
     cut off (one more or less of these makes a difference). The length of windows is left as it is unless it
     is that of the recording. Residuals are those of `problem` in its windows and samples, see
     :func:`without_padding`; the others count for nothing.
+
+    Args:
+        whole: as if all rows lay in windows: a part of a recording, such as the windows that a fit may see,
+            then shares the sizes of the whole.
     """
     own = problem.track.command.shape[0]
     rows = bucket(own)
-    used = math.ceil((problem.share + SLACK) * rows)
+    share = 1.0 if whole else problem.share
+    used = math.ceil((share + SLACK) * rows)
     samples = problem.samples if problem.fixed else bucket(problem.samples)
     windows = bucket(len(problem.rows))
     if problem.fixed:
         more = len(problem.rows) - math.ceil(problem.share * own / samples)
         windows = max(len(problem.rows), math.ceil(used / samples) + (bucket(more) if more > 0 else 0))
+        # The whole has a few windows more that breaks cut off than its part.
+        windows = bucket(windows) if whole else windows
     total = max(problem.total, min(rows, used + samples))
     breaks = problem.track.begins is not None
-    return padded(problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks)
+    common = padded(problem, windows=windows, samples=samples, rows=rows, total=total, breaks=breaks)
+    return dataclasses.replace(common, share=share)
 
 
 def without_padding(values: Mapping[str, Array], problem: Problem) -> dict[str, NDArray[np.float64]]:

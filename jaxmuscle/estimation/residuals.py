@@ -137,8 +137,8 @@ def evaluate(actuator: AbstractActuator, problem: Problem) -> Evaluated:
 
 
 def evaluate_chain(actuator: AbstractActuator, problem: Problem) -> Evaluated:
-    """Predictions from the command alone, compiled like :func:`evaluate`."""
-    return without_padding(_chain_predictions(actuator, in_buckets(problem)), problem)
+    """Predictions from the command alone, compiled once for a recording and its parts."""
+    return without_padding(_chain_predictions(actuator, in_buckets(problem, whole=True)), problem)
 
 
 def moved(

@@ -5,8 +5,10 @@ such entry, ``{ value = 300, std = 1, unit = "mm" }``, read into SI and written 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, get_type_hints
 
 import equinox as eqx
@@ -43,13 +45,14 @@ class Need(Declaration):
     difference: bool = False
 
 
-def quantities(rig: Rig) -> dict[str, Need]:
+@functools.cache
+def quantities(rig: Rig) -> Mapping[str, Need]:
     """The quantities of a rig's card by name, in the rig's order."""
     needs = {}
     for name, path in rig.quantities.items():
         need = _need(declared_at(rig, path), rig)
         needs[name] = dataclasses.replace(need, referenced=need.unit == "Pa" and name != AMBIENT)
-    return needs
+    return MappingProxyType(needs)
 
 
 def default(rig: Rig, name: str) -> float | None:

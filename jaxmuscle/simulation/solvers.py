@@ -76,19 +76,28 @@ def stages_of(count: int) -> list[Stage]:
     return found
 
 
-class ChebyshevRungeKutta(diffrax.AbstractSolver):
+class OneStepMethod(diffrax.AbstractSolver):
+    """A method that carries nothing from step to step; between steps its solution is a straight line."""
+
+    term_structure: ClassVar = diffrax.ODETerm
+    interpolation_cls: ClassVar[Callable[..., Any]] = diffrax.LocalLinearInterpolation
+
+    def init(self, terms, t0, t1, y0, args) -> None:
+        """Nothing is carried from step to step."""
+
+    def func(self, terms, t0, y0, args) -> Any:
+        """The vector field."""
+        return terms.vf(t0, y0, args)
+
+
+class ChebyshevRungeKutta(OneStepMethod):
     """Second order; with four stages stable on the negative real axis up to step·rate = 9.8."""
 
     stages: int = eqx.field(static=True, default=STAGES)
-    term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = diffrax.LocalLinearInterpolation
 
     def order(self, terms: object) -> int:
         """Order of the method."""
         return 2
-
-    def init(self, terms, t0, t1, y0, args) -> None:
-        """Nothing is carried from step to step."""
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         """One step from `t0` to `t1`."""
@@ -106,12 +115,8 @@ class ChebyshevRungeKutta(diffrax.AbstractSolver):
         y1 = (y0**ω + last**ω).ω
         return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
 
-    def func(self, terms, t0, y0, args) -> Array:
-        """The vector field."""
-        return terms.vf(t0, y0, args)
 
-
-class RungeKutta(diffrax.AbstractSolver):
+class RungeKutta(OneStepMethod):
     r"""One step: :math:`k_i = f(t + c_i h, y + h \sum_j a_{ij} k_j),\ y_1 = y + h \sum_i b_i k_i`.
 
     The error is :math:`h \sum_i (b_i - \hat b_i) k_i` with the weights of the embedded method.
@@ -121,15 +126,10 @@ class RungeKutta(diffrax.AbstractSolver):
     """
 
     name: str = eqx.field(static=True)
-    term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = diffrax.LocalLinearInterpolation
 
     def order(self, terms: object) -> int:
         """Order of the method."""
         return getattr(diffrax, self.name)().order(terms)
-
-    def init(self, terms, t0, t1, y0, args) -> None:
-        """Nothing is carried from step to step."""
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         """One step from `t0` to `t1`, with the estimate of its error."""
@@ -144,10 +144,6 @@ class RungeKutta(diffrax.AbstractSolver):
         error = (width * _sum(table.b_error, rates)).ω
         return y1, error, {"y0": y0, "y1": y1}, None, RESULTS.successful
 
-    def func(self, terms, t0, y0, args) -> Any:
-        """The vector field."""
-        return terms.vf(t0, y0, args)
-
 
 def _sum(weights: Any, rates: list[Any]) -> Any:
     """Weighted sum of trees, without the terms of weight zero."""
@@ -155,19 +151,14 @@ def _sum(weights: Any, rates: list[Any]) -> Any:
     return sum(float(weight) * rate**ω for weight, rate in pairs if weight != 0)
 
 
-class ExponentialHeun(diffrax.AbstractSolver):
+class ExponentialHeun(OneStepMethod):
     """ETD2RK over steps of the width for which its propagator was made; Heun's method where A is zero."""
 
     propagator: Propagator
-    term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar[Callable[..., Any]] = diffrax.LocalLinearInterpolation
 
     def order(self, terms: object) -> int:
         """Order of the method."""
         return 2
-
-    def init(self, terms, t0, t1, y0, args) -> None:
-        """Nothing is carried from step to step."""
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         """One step from `t0` to `t1`."""
@@ -180,10 +171,6 @@ class ExponentialHeun(diffrax.AbstractSolver):
         after = field(t1, first) - p.matrix @ first
         y1 = unpack(first + p.second @ (after - before))
         return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
-
-    def func(self, terms, t0, y0, args) -> Any:
-        """The vector field."""
-        return terms.vf(t0, y0, args)
 
 
 METHODS: dict[str, Callable[[], Any]] = {

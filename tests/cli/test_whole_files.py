@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,8 @@ COMMANDS = {
 """Command → its arguments and what it writes."""
 FEWEST = {"init": 5, "simulate": 5, "sweep": 5, "store": 2, "diagnose": 5, "compare": 3}
 """Moments at which a command can be killed, at least: a new file, its content, its place, for each."""
-APART = {"store": 7}
-"""Of how many moments one is tried, where not all are."""
+THREADED = {"store"}
+"""Those that write from several threads: the moments of two runs are not the same."""
 CODE = """
 import jaxmuscle.diagnosis
 from jaxmuscle.cli import main
@@ -56,8 +57,10 @@ def folder(tmp_path: Path) -> Path:
     return place
 
 
-def program(folder: Path, moment: int, *arguments: str, before: str = "") -> subprocess.CompletedProcess[str]:
-    """Run the program in `folder`, from a shell that has done `before`."""
+def program(
+    folder: Path, moment: int | str, *arguments: str, before: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """Run the program in `folder`, from a shell that has done `before`; `moment`: as of `killed.py`."""
     script = f'{before}cd "$0" && exec "$@"'
     tests = Path(__file__).parents[1]
     call = [sys.executable, str(tests / "killed.py"), str(moment), CODE, *arguments]
@@ -100,26 +103,41 @@ def outcomes(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_killed_at_any_moment(folder: Path, name: str) -> None:
+def test_killed_at_any_moment(folder: Path, tmp_path: Path, name: str) -> None:
+    """Every moment is seen in one run; at the middle one the program is killed indeed."""
     arguments, files = COMMANDS[name]
     if name == "compare":
         outcomes(folder)
-    before, seen = visible(folder), 0
-    for moment in range(1, 400, APART.get(name, 1)):
-        ended = program(folder, moment, *arguments)
-        there = visible(folder) - before
-        assert all(is_whole(folder / file) for file in there), (moment, there)
-        if ended.returncode == 0:
-            break
-        assert ended.returncode == -signal.SIGKILL, ended.stderr
-        seen += 1
-        # Two files beside others take their places one after the other: a moment lies between them.
-        assert there in (set(), set(files), {files[0]}), moment
-        for file in there:
-            shutil.rmtree(folder / file) if (folder / file).is_dir() else (folder / file).unlink()
+    before, moments = visible(folder), tmp_path / "moments"
+    moments.mkdir()
+    ended = program(folder, str(moments), *arguments)
+    assert ended.returncode == 0, ended.stderr
+    seen = len(list(moments.iterdir()))
     assert seen >= FEWEST[name]
+    for moment in moments.iterdir():
+        whole_or_absent(moment, visible(moment) - before, files)
+    removed(folder, files)
+    ended, there = program(folder, seen // 2, *arguments), visible(folder) - before
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    whole_or_absent(folder, there, files)
+    if name not in THREADED:
+        assert there == visible(moments / str(seen // 2)) - before
+    removed(folder, there)
+    assert {path.name for path in folder.iterdir()} > before, "what was being written when it was killed"
+    assert program(folder, 0, *arguments).returncode == 0
     # What those that were killed have left is gone now.
     assert {path.name for path in folder.iterdir()} == before | set(files)
+
+
+def whole_or_absent(folder: Path, there: set[str], files: tuple[str, ...]) -> None:
+    assert all(is_whole(folder / file) for file in there), there
+    # Two files beside others take their places one after the other: a moment lies between them.
+    assert there in (set(), set(files), {files[0]}), folder
+
+
+def removed(folder: Path, files: Iterable[str]) -> None:
+    for file in files:
+        shutil.rmtree(folder / file) if (folder / file).is_dir() else (folder / file).unlink()
 
 
 @pytest.mark.parametrize("name", COUNTED)
