@@ -22,12 +22,21 @@ import jaxmuscle as jm
 from jaxmuscle.control import PID, feedback_on
 
 Series = NDArray[np.float64]
+Gains = Mapping[str, float]
 Constants = Mapping[str, float]
 Effects = Mapping[str, Mapping[str, float]]
 DRAWN = 100
 """Plants that are drawn around each."""
 STRENGTHS = ("force", "torque", "static_coefficient", "kinetic_coefficient", "coefficient", "area")
 """Parameters of effects that tell how much of one there is."""
+
+
+class Begun(NamedTuple):
+    """A controller that is to be tuned, at which gains (or how many) descents begin, and which are free."""
+
+    controller: Any
+    starts: int | Sequence[Gains] = 8
+    free: Sequence[str] | None = None
 
 
 class Plant(NamedTuple):
@@ -56,6 +65,7 @@ class Loop:
         factors: constant of the machine → by how much it is multiplied in practice; unseen: by how much in
             the runs that prove; drawn: between which two factors in drawn plants.
         run: oracle under a controller: (plant, loop, answer) → readings, answer being reading → commands.
+        kind: what is tuned, in words; begun: (loop, model, PID by rule) → it, before it is tuned.
     """
 
     rig: str
@@ -75,6 +85,8 @@ class Loop:
     unseen_factors: Sequence[Constants]
     drawn_factors: Mapping[str, tuple[float, float]]
     run: Callable[[Plant, Loop, Callable[[float], Any]], Series]
+    kind: str = "PID"
+    begun: Callable[[Loop, Any, PID], Begun] = lambda loop, machine, rule: Begun(rule)
 
     @property
     def step(self) -> float:
@@ -83,11 +95,14 @@ class Loop:
 
 
 class Proved(NamedTuple):
-    """What a controller does on plants: root mean square error and effort, largest error (SI)."""
+    """What a controller does on plants: root mean square error and effort, largest error, root mean square
+    rate of the command (SI).
+    """
 
     tracking: float
     effort: float
     peak: float
+    variation: float
 
 
 def errors_on_plant(
@@ -119,7 +134,8 @@ def on_plant(
     plant = Plant(machine, blind.effects, loop.settings)
     error, effort = errors_on_plant(loop, blind, controller, wanted, plant, seed)
     tracking, spent = (float(np.sqrt(np.mean(x**2))) for x in (error, effort))
-    return Proved(tracking, spent, float(np.abs(error).max()))
+    rate = float(np.sqrt(np.mean((np.diff(effort, axis=0) / loop.step) ** 2)))
+    return Proved(tracking, spent, float(np.abs(error).max()), rate)
 
 
 def drawn_plants(loop: Loop, blind: Blind, seed: int, count: int) -> Iterator[Plant]:
@@ -193,22 +209,24 @@ def by_rule(loop: Loop, machine: Any) -> PID:
     return kind(gain, 2 * gain / period, gain * period / 8)
 
 
-def tuned_on(loop: Loop, machine: Any, begin: PID) -> jm.tuning.Tuning:
+def tuned_on(loop: Loop, machine: Any, rule: PID) -> jm.tuning.Tuning:
     """Gains tuned on a model with payloads, and supply pressures where it has a supply."""
+    controller, starts, free = loop.begun(loop, machine, rule)
     over = {
         name: [float(jm.parameters.get(machine, name)) * by for by in factors]
         for name, factors in loop.factors.items()
     }
     settings = {"start": loop.start, "noise": {loop.reading: loop.noise}}
     practice = jm.tuning.grid(list(loop.practice), loop.times, over, **settings)
-    attached = feedback_on(machine, begin, **loop.settings)
-    return jm.tune(machine, attached, practice, loop.sizes, worst=4)
+    attached = feedback_on(machine, controller, **loop.settings)
+    return jm.tune(machine, attached, practice, loop.sizes, worst=4, starts=starts, free=free)
 
 
 def together(runs: Sequence[Proved]) -> Proved:
     """Root mean squares of several runs, and the largest error."""
-    tracking, effort, peak = np.array(runs).T
-    return Proved(float(np.sqrt(np.mean(tracking**2))), float(np.sqrt(np.mean(effort**2))), float(peak.max()))
+    tracking, effort, peak, rate = np.array(runs).T
+    middle = [float(np.sqrt(np.mean(each**2))) for each in (tracking, effort, rate)]
+    return Proved(middle[0], middle[1], float(peak.max()), middle[2])
 
 
 def proved(loop: Loop, blind: Blind, controllers: Mapping[str, PID]) -> dict[str, Proved]:
@@ -234,12 +252,14 @@ def plant_rows(loop: Loop) -> Iterator[Row]:
         }
         controllers = {"rule": rule, **{name: each.controller.controller for name, each in tuned.items()}}
         found = proved(loop, blind, controllers)
+        gains = {name: ", ".join(f"{each.values[n]:.3g}" for n in each.gains) for name, each in tuned.items()}
+        gains["rule"] = ", ".join(f"{float(getattr(rule, gain)):.3g}" for gain in PID.gains)
         for name, each in found.items():
-            gains = [float(getattr(controllers[name], gain)) for gain in PID.gains]
             print(
-                f"    {loop.rig}, hidden {effect}, found {[e.name for e in diagnosis.effects]}; {name}: "
-                f"{each.tracking / size:.3f} {unit}, largest {each.peak / size:.2f} {unit}, "
-                f"{each.effort / large:.3g} {spent}; gains {gains[0]:.3g}, {gains[1]:.3g}, {gains[2]:.3g}",
+                f"    {loop.rig}, hidden {effect}, found {[e.name for e in diagnosis.effects]}; {name} "
+                f"({'PID' if name == 'rule' else loop.kind}): {each.tracking / size:.3f} {unit}, largest "
+                f"{each.peak / size:.2f} {unit}, {each.effort / large:.3g} {spent}, "
+                f"{each.variation / large:.3g} {spent}/s; gains {gains[name]}",
                 flush=True,
             )
         yield from closed_on_plant(loop.rig, effect, {name: each._asdict() for name, each in found.items()})

@@ -7,7 +7,6 @@ else is shown and not counted: checks of our own, statements in words, other rea
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import math
 import platform
@@ -138,7 +137,7 @@ def counts(found: list[Row]) -> dict[str, Any]:
 def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]] | Sections) -> int:
     """Print the rows as they come, how many are reached and, with ``--json``, all in one line.
 
-    Of sections ``--only`` takes some.
+    Of sections ``--only`` takes some, and each ends with the CPU seconds that it took.
     """
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
@@ -146,11 +145,16 @@ def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]]
     if sections:
         parser.add_argument("--only", nargs="+", choices=list(sections), default=list(sections))
     arguments = parser.parse_args()
-    parts = [sections[name] for name in arguments.only] if isinstance(rows, Mapping) else [rows]
-    begin, found = time.perf_counter(), []
-    for entry in itertools.chain.from_iterable(part() for part in parts):
-        found.append(entry)
-        print(line(entry), flush=True)
+    parts = {name: sections[name] for name in arguments.only} if isinstance(rows, Mapping) else {"": rows}
+    begin, found, spent = time.perf_counter(), [], {}
+    for name, part in parts.items():
+        before = time.process_time()
+        for entry in part():
+            found.append(entry)
+            print(line(entry), flush=True)
+        if name:
+            spent[name] = round(time.process_time() - before, 1)
+            print(f"section {name}: {spent[name]:g} CPU s", flush=True)
     counted = counts(found)
     chosen = counted["chosen"]
     print(f"{counted['reached']} of {counted['of']}")
@@ -161,6 +165,7 @@ def printed(benchmark: str, about: str | None, rows: Callable[[], Iterable[Row]]
     if arguments.json:
         table = {"benchmark": benchmark, "rows": found, **counted,
                  "machine": platform.processor() or platform.machine(),
-                 "seconds": round(time.perf_counter() - begin, 1)}  # fmt: skip
+                 "seconds": round(time.perf_counter() - begin, 1),
+                 **({"cpu_seconds": spent} if spent else {})}  # fmt: skip
         print(json.dumps(finite(table), allow_nan=False))
     return 0

@@ -7,7 +7,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_discrete_are
 
@@ -23,24 +23,31 @@ Matrix = NDArray[np.float64]
 
 
 class Estimated(eqx.Module):
-    """State of the controller: integral of the error, and the estimated state of the machine, about rest."""
+    """State of the controller: integral of the error, estimated state of the machine about rest, the last
+    reference, and whether there has been one.
+    """
 
     integral: Scalar
     estimate: Vector
+    target: Scalar
+    begun: Bool[Array, ""]
 
 
 class LinearQuadratic(eqx.Module):
-    r"""State feedback with an observer: :math:`u = N (r - y_0) - K \hat x + K_i \int (r - y)\,dt`.
+    r"""State feedback with an observer.
 
-    .. math:: \hat x = x^- + L (y - y_0 - C x^-), \quad x^-_{next} = A \hat x + B u
+    .. math::
+        u &= N (r - y_0) + N_v \dot r - K \hat x + K_i \int (r - y)\,dt \\
+        \hat x &= x^- + L (y - y_0 - C x^-), \quad x^-_{next} = A \hat x + B u
 
     of one reading y and one output u, about the operating point of the design. A and B are those of the
     sampling step of the design, which the loop has to have too. :func:`linear_quadratic` makes it. While the
-    command is beyond its limits the integral waits, and the observer is told the output that was given.
+    command is beyond its limits the integral waits, and the observer is told the output that was given. The
+    rate of the reference is its backward difference, zero at the first sample.
     """
 
     of_one_number: ClassVar = True
-    gains: ClassVar = ("feedback", "integral", "ahead")
+    gains: ClassVar = ("feedback", "integral", "ahead", "ahead_rate")
     feedback: Vector = parameter("", "gains K of the states")
     integral: Scalar = parameter("{input}/({output} s)", "gain K_i of the integrated error", nonnegative=True)
     ahead: Scalar = parameter("{input}/{output}", "gain N of the reference")
@@ -49,10 +56,11 @@ class LinearQuadratic(eqx.Module):
     b: Vector = parameter("", "B, from sample to sample")
     c: Vector = parameter("", "C")
     rest: Scalar = parameter("{output}", "reading y0 at the operating point")
+    ahead_rate: Scalar = parameter("{input} s/{output}", "gain N_v of the reference's rate", default=0.0)
 
     def start(self) -> Estimated:
         """At rest at the operating point."""
-        return Estimated(jnp.zeros(()), jnp.zeros_like(self.b))
+        return Estimated(jnp.zeros(()), jnp.zeros_like(self.b), jnp.zeros(()), jnp.asarray(False))
 
     def update(
         self, state: Estimated, reference: Scalar, measured: Scalar, step: float | Scalar
@@ -61,8 +69,10 @@ class LinearQuadratic(eqx.Module):
         about = measured - self.rest
         here = state.estimate + self.observer * (about - self.c @ state.estimate)
         integral = state.integral + step * self.integral * (reference - measured)
-        output = self.ahead * (reference - self.rest) - self.feedback @ here + integral
-        return Estimated(integral, self.a @ here + self.b * output), output
+        target = jnp.asarray(reference, dtype=float)
+        rate = jnp.where(state.begun, (target - state.target) / step, 0.0)
+        output = self.ahead * (target - self.rest) + self.ahead_rate * rate - self.feedback @ here + integral
+        return Estimated(integral, self.a @ here + self.b * output, target, jnp.asarray(True)), output
 
     def without_windup(
         self, before: Estimated, after: Estimated, output: Scalar, lowest: Scalar, highest: Scalar
@@ -70,7 +80,8 @@ class LinearQuadratic(eqx.Module):
         """The state after a sample whose output is limited."""
         integral = integrated(before.integral, after.integral, output, lowest, highest)
         given = jnp.clip(output, lowest, highest)
-        return Estimated(integral, after.estimate + self.b * (given - output))
+        estimate = after.estimate + self.b * (given - output)
+        return Estimated(integral, estimate, after.target, after.begun)
 
 
 def linear_quadratic(
@@ -82,6 +93,7 @@ def linear_quadratic(
     noise: float,
     integral_time: float | None = None,
     disturbance: float | None = None,
+    ramps: bool = False,
     point: OperatingPoint | None = None,
     **settings: ArrayLike,
 ) -> LinearQuadratic:
@@ -100,6 +112,8 @@ def linear_quadratic(
         noise: standard deviation of the reading's sensor (SI).
         integral_time: T_i [s]; no integral when `None`, which leaves what a disturbance does.
         disturbance: standard deviation of what adds to u from sample to sample, `effort` when `None`.
+        ramps: whether N_v is what leaves no error behind a reference that moves steadily, in place of zero;
+            a step of the reference is then answered with a kick.
         point: where the rig is linearised, at rest under an output of zero when `None`.
         settings: of the rig's `actuation`, as for :func:`feedback_on`.
 
@@ -124,8 +138,12 @@ def linear_quadratic(
             f"this point: {failed}"
         ) from failed
     observer = spread @ c / (c @ spread @ c + noise**2)
-    gain = c @ np.linalg.solve(np.eye(len(a)) - a + np.outer(b, feedback), b)
-    numbers = feedback, slow, 1 / gain, observer, a, b, c, rest
+    still = np.eye(len(a)) - a + np.outer(b, feedback)
+    settled = np.linalg.solve(still, b)
+    ahead = 1 / (c @ settled)
+    # Of (N + N_v (1 - 1/z)/h) G(z), with G(1) = 1/N, the slope at z = 1 is the lag behind a ramp.
+    rate = step * ahead**2 * (c @ np.linalg.solve(still, settled)) if ramps else 0.0
+    numbers = feedback, slow, ahead, observer, a, b, c, rest, rate
     return LinearQuadratic(*map(jnp.asarray, numbers))
 
 

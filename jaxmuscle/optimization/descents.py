@@ -139,6 +139,7 @@ class Limits:
     Attributes:
         samples: number of residuals, by which the cost is judged.
         reach: how far a coordinate may go in one step, relative to the longest step of a logarithm.
+        best_first: whether all starts are looked at before any descent goes on, the cheapest ones first.
         solver: what takes the outcome of a trial into its lane and sets the next trial, or the end; our own
             trust region (:mod:`jaxmuscle.optimization.levenberg_marquardt`) when `None`.
     """
@@ -151,6 +152,7 @@ class Limits:
     samples: int = 1
     reach: Vector | float = 1.0
     tolerances: Tolerances = Tolerances()
+    best_first: bool = False
     solver: Callable[[Lane, Local, Limits], None] | None = None
 
     @cached_property

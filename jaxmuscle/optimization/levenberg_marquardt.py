@@ -172,7 +172,8 @@ def descend(
 ) -> list[Lane]:
     """Descend from every start; as soon as one lane has ended the next start takes its place.
 
-    At most `limits.lanes` are under way at a time. A step minimises the quadratic model within a radius, in
+    At most `limits.lanes` are under way at a time; with `limits.best_first` all starts are looked at, and the
+    cheapest go first. A step minimises the quadratic model within a radius, in
     which coordinates count by diag(JᵀJ) (Marquardt 1963; Moré 1978); a coordinate at a bound that the
     gradient pushes on is left out.
     """
@@ -181,12 +182,13 @@ def descend(
     waiting = iter(lanes)
     active: list[Lane] = []
     for iteration in _forever():
-        active += _next(waiting, limits.lanes - len(active))
+        room = len(lanes) if limits.best_first and not iteration else limits.lanes
+        active += _next(waiting, room - len(active))
         if not active:
             break
         if iteration and time.monotonic() > limits.deadline:
             for lane in lanes:
-                if lane in active or lane.local is None:
+                if lane.trial is not None:
                     lane.code, lane.reason = (
                         (FAILED, "not begun in time") if lane.local is None else (BUDGET, "")
                     )
@@ -195,9 +197,13 @@ def descend(
         for lane, local in zip(active, evaluate(np.stack(trials)), strict=True):
             (limits.solver or advance)(lane, local, limits)
         active = [lane for lane in active if lane.trial is not None]
-        begun = sum(lane.local is not None or lane.code == FAILED for lane in lanes)
+        if limits.best_first and not iteration:
+            active.sort(key=lambda lane: lane.cost)
+            waiting = iter(active[limits.lanes :])
+            active = active[: limits.lanes]
+        ended = sum(lane.trial is None for lane in lanes)
         best = min((lane.cost for lane in lanes if lane.code != FAILED), default=np.inf)
-        tell(Course(iteration, best, len(active), len(lanes) - begun, begun - len(active)))
+        tell(Course(iteration, best, len(active), len(lanes) - ended - len(active), ended))
     return lanes
 
 

@@ -171,6 +171,11 @@ class Evaluation:
         """Scenarios in one program: all cores have some."""
         return int(min(-(-len(self.rows) // cores()), WIDEST))
 
+    @property
+    def programs(self) -> int:
+        """Programs that a point takes, which run side by side."""
+        return -(-len(self.rows) // self.width)
+
     def widened(self, factor: float) -> Evaluation:
         """The same with dry friction smoothed more widely."""
         rig = dataclasses.replace(self.rig, widening=jnp.asarray(factor, dtype=float))

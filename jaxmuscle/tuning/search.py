@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,6 +11,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from jaxmuscle._config import cores
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.free_parameters import settled
 from jaxmuscle.optimization.descents import FAILED, Course, Lane, Limits, Tolerances, best
@@ -21,6 +21,8 @@ from jaxmuscle.tuning.evaluation import Evaluation
 
 NEAR, NOTICEABLE = 1e-4, 1e-3
 """Relative fall of the cost that is expected at most at a minimum; that eight steps have to bring."""
+LEAST_LANES = 2
+"""Descents that are under way at a time at least; as many as keep all cores at work, the cheapest first."""
 ELSEWHERE, FURTHEST, KEPT = 16, 1e-4, 3
 """Points that are tried where a loop runs away at every start: how many, with gains how many times as large
 at least, and from how many of them a descent begins."""
@@ -46,7 +48,16 @@ class Search:
         unknowns = evaluation.unknowns
         tolerances = Tolerances(NEAR, NOTICEABLE, exact=0.0)
         self.limits = Limits(
-            unknowns.lower, unknowns.upper, steps, 1, deadline, 2, unknowns.reach, tolerances, by
+            unknowns.lower,
+            unknowns.upper,
+            steps,
+            max(LEAST_LANES, -(-cores() // evaluation.programs)),
+            deadline,
+            2,
+            unknowns.reach,
+            tolerances,
+            best_first=True,
+            solver=by,
         )
 
     def from_points(self, points: Float[np.ndarray, "starts k"], wide: Sequence[float]) -> list[Lane]:
@@ -72,11 +83,10 @@ class Search:
         def tell(course: Course) -> None:
             self.progress(
                 f"{stage}, iteration {course.iteration}: cost {course.cost:.6g} ({course.active} under way, "
-                f"{course.ended} ended; {time.monotonic() - self.begin:.1f} s)"
+                f"{course.waiting} waiting, {course.ended} ended; {time.monotonic() - self.begin:.1f} s)"
             )
 
-        limits = dataclasses.replace(self.limits, lanes=len(points))
-        lanes = descend(evaluate, points, limits, tell=tell)
+        lanes = descend(evaluate, points, self.limits, tell=tell)
         failed = [lane.code == FAILED for lane in lanes]
         if any(failed) and not all(failed):
             own = f"The loop is unstable at its start gains: {_runs_away(evaluation, lanes[0].start)}. "

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from oracles import bench
 from scipy.integrate import solve_ivp
 
 import jaxmuscle as jm
-from jaxmuscle.control import closed_loop, feedback_on, linear_quadratic
+from jaxmuscle.control import LinearQuadratic, closed_loop, feedback_on, linear_quadratic
 from jaxmuscle.errors import InputError
 
 TIMES = STEP * np.arange(300)
+UPDATE = eqx.filter_jit(LinearQuadratic.update)
 SIZES: dict[str, Any] = {"error": 2.0, "effort": 0.5, "noise": 0.1}
 IDLE = {"speed": 111.8, "temperature": 293.15}
 """Near where the fan comes to rest by itself at 1 V."""
@@ -73,6 +75,27 @@ def test_without_an_integral_the_reference_is_met_on_the_model():
     wanted = np.full(300, 114.0)
     speed = closed_loop(fan(), feedback_on(fan(), controller), wanted, TIMES, start=IDLE).readings["speed"]
     assert float(speed[-1]) == pytest.approx(114.0, abs=0.05)
+
+
+def test_a_ramp_is_followed_without_a_lag_and_the_first_sample_is_no_kick():
+    lagging = linear_quadratic(fan(), STEP, **SIZES)
+    following = linear_quadratic(fan(), STEP, **SIZES, ramps=True)
+    a, b, c = (np.asarray(x) for x in (lagging.a, lagging.b, lagging.c))
+    wanted = float(lagging.rest) + 0.4 * STEP * np.arange(150)
+    left = {}
+    for name, controller in (("lagging", lagging), ("following", following)):
+        state, machine = controller.start(), np.zeros_like(b)
+        errors, outputs = [], []
+        for target in wanted:
+            reading = controller.rest + c @ machine
+            state, output = UPDATE(controller, state, jnp.asarray(target), reading, jnp.asarray(STEP))
+            errors.append(target - float(reading))
+            outputs.append(float(output))
+            machine = a @ machine + b * outputs[-1]
+        left[name] = errors[-1]
+        assert outputs[0] == pytest.approx(0.0, abs=1e-9)
+    assert left["lagging"] > 1e-3
+    assert abs(left["following"]) < 1e-6 * left["lagging"]
 
 
 def test_behind_a_limit_nothing_winds_up(designed):

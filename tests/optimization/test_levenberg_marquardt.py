@@ -3,6 +3,7 @@
 Levenberg-Marquardt from many starts, on functions whose minima are known.
 """
 
+import dataclasses
 import time
 
 import numpy as np
@@ -185,6 +186,26 @@ def test_steps_and_time_run_out_with_the_best_so_far():
     lanes = descend(least_squares(rosenbrock), np.array([[-1.5, 2.0], [0.0, 0.0]]), late)
     assert lanes[0].code == BUDGET and np.isfinite(lanes[0].cost)
     assert (lanes[1].code, lanes[1].reason) == (FAILED, "not begun in time")
+
+
+def test_the_cheapest_starts_go_first_and_none_is_left_out():
+    starts, looked = np.array([[-1.5, 2.0], [8.0, -5.0], [0.9, 0.8]]), []
+    limits = dataclasses.replace(FREE, lanes=1, best_first=True)
+    calls: list[int] = []
+
+    def evaluate(points):
+        looked.extend(points)
+        return least_squares(rosenbrock, calls)(points)
+
+    lanes = descend(evaluate, starts, limits)
+    own = [len(descend(least_squares(rosenbrock), start[None], FREE)[0].costs) for start in starts]
+    assert calls[0] == 3 and calls[1:] == [1] * (sum(own) - 3)
+    assert [lane.start.tolist() for lane in lanes] == starts.tolist()
+    assert np.linalg.norm(looked[3] - starts[2]) < np.linalg.norm(looked[3] - starts[0])
+    for lane in lanes:
+        assert lane.code == CONVERGED and lane.u == pytest.approx(np.ones(2), abs=1e-4)
+    late = dataclasses.replace(limits, deadline=time.monotonic())
+    assert {lane.code for lane in descend(least_squares(rosenbrock), starts, late)} == {BUDGET}
 
 
 def test_a_coordinate_without_influence_stays():
