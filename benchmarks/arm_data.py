@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator
-from jaxmuscle.simulation import Track, predict
+from jaxmuscle.estimation.case import case
+from jaxmuscle.estimation.residuals import hidden_states
+from jaxmuscle.simulation import Start, Track, predict
 from jaxmuscle.simulation.track import start_at_rest
 
 Array = NDArray[np.float64]
@@ -60,12 +62,17 @@ class Arm:
 
 @dataclasses.dataclass(frozen=True)
 class Instants:
-    """Moments with what is known then: the last angles (newest first), pressures from now on; the truth."""
+    """Moments with what is known then: the last angles (newest first), pressures from now on; the truth.
+
+    `place`: the row of each moment in a recording of the `episodes`.
+    """
 
     past: Array
     pressure: Array
     before: Array
     then: Array
+    episodes: Iterable[int]
+    place: NDArray[np.int64]
 
     @property
     def now(self) -> Array:
@@ -105,19 +112,27 @@ def recording(
     rows = np.concatenate(parts)
     columns = {"angle": arm.angle[rows, joint]}
     columns |= {f"pressure_{i + 1}": arm.pressure[rows, 2 * joint + i] for i in (0, 1)}
-    return jm.recording(machine, columns, STEP, noise={"angle": noise}, horizon=horizon, breaks=breaks)
+    return jm.recording(
+        machine, columns, STEP, noise={"angle": noise}, horizon=horizon, breaks=breaks, stretch="all"
+    )
 
 
 def instants(arm: Arm, joint: int, episodes: Iterable[int]) -> Instants:
     """Instants of these episodes with enough samples before and after."""
-    spans = [np.arange(arm.first[e] + PAST, arm.last[e] + 1 - AHEAD) for e in episodes]
-    rows, angle = np.concatenate(spans)[::EVERY], arm.angle[:, joint]
+    lengths = [arm.last[e] + 1 - arm.first[e] for e in episodes]
+    begins = np.cumsum([0, *lengths[:-1]])
+    spans = [np.arange(PAST, length - AHEAD) for length in lengths]
+    place = np.concatenate([begin + span for begin, span in zip(begins, spans, strict=True)])[::EVERY]
+    rows = np.concatenate([arm.first[e] + span for e, span in zip(episodes, spans, strict=True)])[::EVERY]
+    angle = arm.angle[:, joint]
     pressure = arm.pressure[:, [2 * joint, 2 * joint + 1]]
     return Instants(
         angle[rows[:, None] - np.arange(PAST)],
         pressure[rows[:, None] + np.arange(AHEAD + 1)],
         pressure[rows - 1],
         angle[rows + AHEAD],
+        episodes,
+        place,
     )
 
 
@@ -134,17 +149,27 @@ def linear(train: Instants, test: Instants, *, coming: bool) -> float:
     return rms(features(test) @ weights - test.then)
 
 
-def ahead(machine: AbstractActuator, at: Instants, *, fade: float | None = None) -> Array:
+def remembered(machine: AbstractActuator, arm: Arm, joint: int, at: Instants) -> Start:
+    """What effects remember at every instant: carried along the measured episodes, each from rest."""
+    episodes = case(recording(arm, joint, at.episodes, machine), 0.0, actuator=machine).problem
+    hidden = hidden_states(machine, episodes)
+    return jax.tree.map(lambda values: values[at.place], hidden)
+
+
+def ahead(
+    machine: AbstractActuator, at: Instants, *, fade: float | None = None, hidden: Start | None = None
+) -> Array:
     """The angle that the machine has 100 ms later.
 
     Args:
+        hidden: what effects remember at every instant; as at rest when `None`.
         fade: pressures go on as they last did, ever more slowly with this time constant [s]; 0: they stay as
             they are now; `None`: those that were measured afterwards.
     """
     times = -STEP * np.arange(PAST)
     slope = np.linalg.pinv(np.vander(times, 3, increasing=True))[1]
     pressure = at.pressure if fade is None else _continued(at, fade)
-    return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.past @ slope))
+    return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.past @ slope, hidden))
 
 
 def _continued(at: Instants, fade: float) -> Array:
@@ -156,7 +181,7 @@ def _continued(at: Instants, fade: float) -> Array:
 
 
 @eqx.filter_jit
-def _ahead(machine, pressure, angle, velocity):
+def _ahead(machine, pressure, angle, velocity, hidden):
     """Every instant is a run of its own on one long track."""
     count, length, _ = pressure.shape
     first = lambda values: jnp.repeat(values, length)  # noqa: E731
@@ -167,9 +192,12 @@ def _ahead(machine, pressure, angle, velocity):
     }
     track = Track(jnp.asarray(STEP), jnp.zeros(count * length), measured)
     rows = jnp.arange(count) * length
-    # What effects remember of the time before an instant is not known here: they begin as at rest.
-    hidden = jax.vmap(lambda row: start_at_rest(machine, track, row))(jnp.arange(count * length))
-    angles = predict(machine, track, rows, samples=length, imposed=("pressure",), substeps=4, hidden=hidden)
+    everywhere = jnp.arange(count * length)
+    if hidden is None:
+        carried = jax.vmap(lambda row: start_at_rest(machine, track, row))(everywhere)
+    else:
+        carried = jax.tree.map(lambda values: jnp.repeat(values, length, axis=0), hidden)
+    angles = predict(machine, track, rows, samples=length, imposed=("pressure",), substeps=4, hidden=carried)
     return angles["angle"][:, -1]
 
 

@@ -175,7 +175,8 @@ def arm_joint(joint: int, root: Path) -> dict[str, Any]:
     chosen, unseen = (arm_data.instants(arm, joint, part) for part in (arm.validation, arm.held_out))
 
     def error(machine: Any, at: arm_data.Instants, fade: float) -> float:
-        return rms(arm_data.ahead(machine, at, fade=fade) - at.then)
+        hidden = arm_data.remembered(machine, arm, joint, at)
+        return rms(arm_data.ahead(machine, at, fade=fade, hidden=hidden) - at.then)
 
     fade = min(pam_arm.FADES, key=lambda fade: error(found.model, chosen, fade))
     errors = {n: error(m, unseen, fade) for n, m in (("before", found.declared), ("after", found.model))}
