@@ -28,7 +28,7 @@ def concluded(prepared, monkeypatch, failing):
     """
     kinds = (effects.PressureDependentEnds, effects.Creep)
     tools = workbench(prepared, kinds)
-    ends = effects.PressureDependentEnds(amplitude=0.8)  # pyright: ignore[reportCallIssue]
+    ends = effects.PressureDependentEnds(amplitude=0.8)  # pyright: ignore
     model = tools.dressed(tools.model, ["creep"]).with_effects(pressure_dependent_ends=ends)
     evidence, losses = Evidence(0.9, 1e-3, 1.0), np.zeros((1, 4))
     found = tuple(Candidate((kind,), evidence, losses, model, ()) for kind in kinds)
