@@ -265,14 +265,26 @@ def test_nothing_is_told_after_the_interruption(tmp_path):
 COMMANDS = {
     "diagnose": (("diagnose", "long.csv", "--card", "lift.toml", "--stretch", "all"), "reading"),
     "fit": (("fit", "long.csv", "--card", "lift.toml", "--stretch", "all"), "loading"),
-    "check": (("check", "lift.toml", "--recording", "long.csv"), ""),
-    "simulate": (("simulate", "lift.toml", "--command", "long.csv", "--plot"), ""),
-    "sweep": (("sweep", "lift.toml", "--over", "mass=1:9:9000"), ""),
+    "check": (("check", "lift.toml", "--recording", "long.csv"), "begun"),
+    "simulate": (("simulate", "lift.toml", "--command", "long.csv", "--plot"), "begun"),
+    "sweep": (("sweep", "lift.toml", "--over", "mass=1:9:9000"), "begun"),
     "tune": (("tune", "lift.toml", "--reference", "wanted.csv"), "loading"),
 }
-"""Command → its arguments, and the line of progress after which it is interrupted; else `START` is waited."""
-START = 3.0
-"""Seconds that Python takes on a busy machine to load the program itself."""
+"""Command → its arguments, and the line after which it is interrupted, of its progress or of `PROGRAM`."""
+PROGRAM = """
+import sys
+from jaxmuscle import cli
+
+app = cli.app
+
+def begun():
+    print("begun", file=sys.stderr, flush=True)
+    app()
+
+cli.app = begun
+cli.main()
+"""
+"""The program; it tells when it begins, which Python takes a while to come to."""
 
 
 @pytest.fixture(scope="module")
@@ -299,15 +311,15 @@ def test_ctrl_c_ends_every_command_at_once(tmp_path, inputs, name, moment):
     there = sorted(tmp_path.rglob("*"))
     arguments, wait_for = COMMANDS[name]
     with subprocess.Popen(
-        [sys.executable, "-m", "jaxmuscle.cli", *arguments],
+        [sys.executable, "-c", PROGRAM, *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     ) as program:  # fmt: skip
         assert program.stderr is not None
-        while wait_for and wait_for not in program.stderr.readline():
-            pass
+        while wait_for not in program.stderr.readline():
+            assert program.poll() is None, "it ended before it began"
         with contextlib.suppress(subprocess.TimeoutExpired):
-            program.wait(moment + (0.0 if wait_for else START))
+            program.wait(moment)
         begin = time.monotonic()
         program.send_signal(signal.SIGINT)
         out, rest = program.communicate(timeout=60)
