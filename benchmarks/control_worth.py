@@ -18,7 +18,8 @@ from jaxmuscle.tuning.tune import prepared
 
 SHARE, LOOSE = 0.3, 10.0
 """Error that costs one, of that of the gains by rule; how much freer the command of the inverse is."""
-STARTS = 4
+STARTS, QUICK = 4, 2e-3
+"""Starts of a descent; time constant [s] of the rate on a model, which has no noise, to begin with."""
 Sizes = dict[str, float]
 
 
@@ -50,11 +51,24 @@ def tuned(loop: Loop, machine: Any, begin: Any, sizes: Sizes, alone: bool, **how
     return found.controller.controller
 
 
+def _inside(machine: Any, rule: PID) -> tuple[PID, list[str] | None]:
+    """What runs the model in its inverse, and which of its gains are free.
+
+    Where dry friction holds the load an integral hunts on the model at rest, by 2 degrees, and the command of
+    the inverse with it: then there is none.
+    """
+    if "load_friction" not in machine.effects:
+        return rule, None
+    kind: Any = PID
+    return kind(rule.proportional, 0.0, rule.derivative, QUICK), ["proportional", "derivative", "smoothing"]
+
+
 def controllers(loop: Loop, machine: Any, rule: PID, known: Sizes) -> dict[str, Any]:
     """On one model: a PID; the model's inverse alone; the inverse ahead of a PID that is tuned beside it."""
     tight = {"tracking": SHARE / 3 * known["tracking"], "variation": LOOSE * known["variation"]}
     sizes = {**known, "tracking": SHARE * known["tracking"]}
-    inner = tuned(loop, machine, rule, tight, True, starts=STARTS)
+    inside, free = _inside(machine, rule)
+    inner = tuned(loop, machine, inside, tight, True, starts=STARTS, free=free)
     pid = tuned(loop, machine, rule, sizes, False, starts=STARTS)
     settings: dict[str, Any] = dict(loop.settings)
     inverse = simulated_inverse(machine, loop.step, inner, start=loop.start, **settings)

@@ -33,7 +33,10 @@ class SimulatedInverse(eqx.Module):
     on the machine: the larger they are, the more its output is the inverse of the model, as in the integral
     inverse of hysteresis (:class:`~jaxmuscle.hysteresis.IntegralInverse`), here with dry friction, valve,
     effects and the limits of the command. A machine that integrates its command, of which there is no table
-    at rest (:func:`model_inverse`), has such an inverse too. For :class:`FeedForward`;
+    at rest (:func:`model_inverse`), has such an inverse too. Where dry friction holds the model, an integral
+    in that controller hunts: under a reference at rest the model sticks and slips for ever, and the output
+    that goes ahead shakes the machine. Leave it out there (`integral` 0); the feedback beside the inverse has
+    the one that is needed. For :class:`FeedForward`;
     :func:`simulated_inverse` makes it.
 
     :func:`jaxmuscle.tune` moves the gains of the controller, "inverse.controller.proportional" of a

@@ -1,5 +1,7 @@
 """Controllers of a robot's joints side by side, and a tip that follows a line."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from oracles.bench import built
 import jaxmuscle as jm
 from jaxmuscle.control import PID, FuzzyPID, ProportionalForce, Reference, closed_loop, independent_joints
 from jaxmuscle.errors import InputError
-from jaxmuscle.robot import joints_along, line, pressure_commands, robot, robot_joint, tip
+from jaxmuscle.robot import Pane, joints_along, line, pressure_commands, robot, robot_joint, tip
 from jaxmuscle.tuning.gains import gain_unit, gains_of
 from jaxmuscle.tuning.tip_error import tip_error
 from jaxmuscle.tuning.tune import prepared
@@ -50,6 +52,28 @@ def test_gains_of_all_joints_have_names_units_and_signs():
     assert all(entry.place.positive for entry in entries)
     unit = gain_unit(ROBOT, named["joints[0].derivative"].place.unit, both)
     assert unit == "Pa s/rad"
+
+
+@pytest.mark.slow
+def test_slopes_of_the_tips_error_go_through_contact_with_a_pane():
+    leaning = dataclasses.replace(ROBOT, pane=built(Pane, stiffness=2e3, damping=1.0, distance=0.6))
+    way = line([0.58, -0.05], [0.62, 0.05], 0.4, 2.0)
+    times = 2e-3 * np.arange(200)
+    joints = joints_along(ROBOT.arm, way.at(times), 1)
+    start = {"angle": joints.position[0], "pressure": pressure_commands(ROBOT, joints)[0]}
+    scenario = jm.tuning.Scenario(Reference(*joints), times, start=start)
+    evaluation = prepared(leaning, LOOP, scenario, tip_error(ROBOT.arm, 2e-3, 3e6))
+    values = evaluation.unknowns.start
+    at = evaluation.unknowns.coordinates(values)
+    runs = [evaluation.seen(values, evaluation.rows)]
+    runs.append(prepared(ROBOT, LOOP, scenario, tip_error(ROBOT.arm, 2e-3, 3e6)).seen(values, (0,)))
+    depth = [np.asarray(tip(ROBOT.arm, run.readings["angle"][0]))[:, 0].max() - 0.6 for run in runs]
+    assert 1e-3 < depth[0] < 0.7 * depth[1]  # It leans on the pane, which holds it back.
+    slopes, step = evaluation(at[None])[0].gradient, 1e-5
+    for direction in np.random.default_rng(3).standard_normal((6, len(at))):
+        ends = [evaluation(np.stack([at + side * step * direction]))[0].cost for side in (1, -1)]
+        central = (ends[0] - ends[1]) / (2 * step)
+        assert slopes @ direction == pytest.approx(central, rel=1e-4, abs=1e-5 * np.linalg.norm(slopes))
 
 
 @pytest.mark.slow
