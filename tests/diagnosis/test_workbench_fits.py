@@ -7,9 +7,12 @@ import pytest
 from oracles import bench
 from oracles.recorded import driven_card, driven_recording, smooth_motion
 
+from jaxmuscle import effects
+from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.estimation.case import case
+from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.estimation.residuals import evaluate, values_and_chosen_slopes
 from jaxmuscle.parameters import get, replace
@@ -129,3 +132,26 @@ def test_one_program_for_every_choice(prepared):
     own.jacobian(prepared.actuator, prepared.training, PATHS[:2], [])
     own.jacobian(prepared.actuator, prepared.training, PATHS[3:4], [])
     assert programs() == before > 0
+
+
+def test_what_one_bench_has_fitted_serves_another_with_other_candidates(prepared):
+    """Also a bench that seeks constants: candidates that are not in a model change nothing in it."""
+    ends, memory = effects.PressureDependentEnds, Checkpoint(None)
+    one = workbench(prepared, [ends], checkpoint=memory)
+    more = [effects.BladderStiffness, ends, effects.Creep]
+    other = workbench(prepared, more, constants=card_constants(prepared), checkpoint=memory)
+    fits = [each.settled(each.model, [ends.name], prepared.training, 3) for each in (one, other, one, other)]
+    assert memory.recalled == 3
+    for fit in fits[1:]:
+        assert [float(get(fit.model, p)) for p in one.free_paths(one.model, [ends.name])] == [
+            float(get(fits[0].model, p)) for p in one.free_paths(one.model, [ends.name])
+        ]
+    assert set(fits[1].model.effects) - set(fits[0].model.effects) == {"bladder_stiffness"}
+    # Other windows, other steps or other effects are another fit.
+    other.settled(other.model, [], prepared.training, 3)
+    other.settled(other.model, [ends.name], prepared.training, 4)
+    assert memory.recalled == 3
+    spread = [memory.remember("spread", prepared.training, lambda i=i: i) for i in range(3)]
+    assert spread == [0, 0, 0]
+    assert NOTHING_KEPT.remember("spread", prepared.training, lambda: 5) == 5
+    assert NOTHING_KEPT.remember("spread", prepared.training, lambda: 6) == 6
