@@ -153,7 +153,7 @@ def margins(
     largest = sizes[sizes < 1].max(initial=0.0)
     most = float(sensitivity(jnp.asarray(loop)))
     return Margins(
-        stable=_radius(model, inner, step, rates) < 1,
+        stable=is_stable(model, inner, step, rates),
         modulus=1 / most,
         sensitivity=most,
         gain=float(1 / largest) if largest > 0 else np.inf,
@@ -166,8 +166,11 @@ def _angle_between(angles: Float[np.ndarray, " points"]) -> Float[np.ndarray, " 
     return np.abs(np.mod(angles, 2 * np.pi) - np.pi)
 
 
-def _radius(model: ChannelModel, controller: Any, step: float, rates: bool) -> float:
-    """Largest size of a pole of the closed loop from sample to sample."""
+def is_stable(model: ChannelModel, controller: Any, step: float, rates: bool = False) -> bool:
+    """Whether all poles of the closed loop from sample to sample are within the unit circle.
+
+    Args: as of :func:`loop_response`.
+    """
     a, b, c, d = (np.asarray(part) for part in _linearised(controller, model.rest, step, rates))
     kept = _acting(a, b, c)
     a, b, c = a[kept][:, kept], b[kept], c[kept]
@@ -177,7 +180,7 @@ def _radius(model: ChannelModel, controller: Any, step: float, rates: bool) -> f
             [np.outer(b, model.c), a],
         ]
     )
-    return float(np.abs(np.linalg.eigvals(closed)).max())
+    return bool(np.abs(np.linalg.eigvals(closed)).max() < 1)
 
 
 def _acting(a: NDArray, b: NDArray, c: NDArray) -> NDArray:

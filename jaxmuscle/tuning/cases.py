@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.control.channel_model import ChannelModel
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import Controller
 from jaxmuscle.control.quantisation import quantised
@@ -84,12 +85,16 @@ class Case(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Stacked:
-    """Scenarios of one tuning side by side: what they are called, their cases, step [s] and samples."""
+    """Scenarios of one tuning side by side: what they are called, their cases, step [s] and samples.
+
+    `models`: each scenario's machine linearised, where the objective asks for the margin of the loop.
+    """
 
     names: tuple[str, ...]
     cases: Case
     step: float
     samples: int
+    models: tuple[ChannelModel, ...] = ()
 
     def blocks(self, rows: Sequence[int], size: int) -> Iterator[tuple[Case, int]]:
         """Cases of some scenarios in blocks of one size, and how many are in each; the last one repeats."""
@@ -104,7 +109,8 @@ class Stacked:
         found = [machine_response(m, self.step, attached.on(actuator, m)) for m in machines]
         rest = jnp.array([model.rest for model, _ in found])
         linear = Linearised(jnp.asarray(np.stack([response for _, response in found])), rest)
-        return dataclasses.replace(self, cases=dataclasses.replace(self.cases, linear=linear))
+        cases = dataclasses.replace(self.cases, linear=linear)
+        return dataclasses.replace(self, cases=cases, models=tuple(model for model, _ in found))
 
     def _taken(self, rows: NDArray[np.int64]) -> Case:
         return jax.tree.map(lambda leaf: leaf[rows], self.cases)

@@ -9,11 +9,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jaxmuscle.control.sliding_mode import target_of
+from jaxmuscle.control.sliding_mode import Reference, target_of
+from jaxmuscle.control.stability_margins import is_stable
 from jaxmuscle.estimation.free_parameters import at_bound, settled
 from jaxmuscle.formatting import quantity
 from jaxmuscle.optimization.descents import BUDGET, FAILED, STEPS, Lane
@@ -90,7 +92,7 @@ def concluded(
         evaluations=count,
         seconds=seconds,
     )
-    notes += _doubts(tuned)
+    notes += _doubts(tuned) + _instability(unstable_scenarios(evaluation, values))
     return dataclasses.replace(tuned, notes=tuple(notes), controller=tuned.put_into(given))
 
 
@@ -140,6 +142,28 @@ def _traces(
         name = f"{title}: {scenarios.names[rows[own]]}"
         found[name] = pd.DataFrame(columns, index=time)[counts]
     return found
+
+
+def unstable_scenarios(evaluation: Evaluation, values: Float[np.ndarray, " k"]) -> list[str]:
+    """Scenarios whose linearised loop is unstable under some gains, where the objective asks for its margin.
+
+    A sensitivity does not tell: beyond the limit of stability it falls again, as :math:`|1 + L|` does not
+    count how often L goes round the critical point.
+    """
+    stacked, rig = evaluation.stacked, evaluation.rig
+    rates = isinstance(stacked.cases.told.reference, Reference)
+    controller = rig.controller.at(jnp.asarray(values))
+    pairs = zip(stacked.names, stacked.models, strict=False)  # without a margin there are no models
+    return [name for name, model in pairs if not is_stable(model, controller, rig.step, rates)]
+
+
+def _instability(names: Sequence[str]) -> list[str]:
+    """The doubt about loops that are unstable."""
+    return [
+        f"The linearised loop is unstable in scenario {', '.join(names)}: the sensitivity means nothing "
+        "there, and only what a linear model leaves out, such as dry friction, holds it. Start from smaller "
+        "gains."
+    ] if names else []  # fmt: skip
 
 
 IDLE = 1e-3
