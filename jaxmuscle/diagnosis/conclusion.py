@@ -158,7 +158,9 @@ def _borne_out(
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
         strengths = {c.name: _strength(c.effects[0]) for c in outcome.found}
-        reasons = doubted([_found(c, _judging(c, final, outcome.folds)) for c in outcome.found], strengths)
+        largest = {c.name: getattr(c.effects[0], "largest", None) for c in outcome.found}
+        found = [_found(c, _judging(c, final, outcome.folds)) for c in outcome.found]
+        reasons = doubted(found, strengths, largest)
         if not reasons:
             return outcome, final, refused
         refused |= reasons

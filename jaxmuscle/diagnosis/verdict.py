@@ -12,6 +12,7 @@ from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.evidence import TELLING
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
+from jaxmuscle.formatting import quantity
 
 MISSING = 2.0
 """Root mean square of what may be missing in a reading, in units of its noise, up to which nothing is said
@@ -59,11 +60,14 @@ def missing_in_noise(
     return math.sqrt(max(0.0, *(level - 1 for level in levels if math.isfinite(level)), 0.0))
 
 
-def doubted(found: Sequence[FoundEffect], strengths: Mapping[str, str]) -> dict[str, str]:
-    """Name of each effect whose strength is not sure to differ from none → why.
+def doubted(
+    found: Sequence[FoundEffect], strengths: Mapping[str, str], largest: Mapping[str, float | None]
+) -> dict[str, str]:
+    """Name of each effect whose strength is not sure to differ from none, or that no machine has → why.
 
     Args:
         strengths: name of an effect → its strength's name.
+        largest: name of an effect → size of its strength on real machines at most, if that is known.
     """
     reasons = {}
     for effect in found:
@@ -74,6 +78,9 @@ def doubted(found: Sequence[FoundEffect], strengths: Mapping[str, str]) -> dict[
                 reasons[effect.name] = "it does not differ from the card's value by three standard deviations"
         elif strength is not None and not differs_from_none(strength):
             reasons[effect.name] = "its strength does not differ from none by two standard deviations"
+        elif strength is not None and abs(strength.value) > (most := largest.get(effect.name) or math.inf):
+            value, limit = quantity(strength.value, strength.unit), quantity(most, strength.unit)
+            reasons[effect.name] = f"its strength, {value}, is beyond what real machines have, {limit}"
     return reasons
 
 

@@ -32,6 +32,8 @@ class AbstractEffect(eqx.Module):
         slot: the signal it adds to.
         reads: names of the signals that it needs; it is offered only to rigs that have them.
         strength: the parameter at whose zero value the addition is exactly zero.
+        largest: size of the strength that no real machine exceeds (SI); `None` where that depends on the
+            machine. A diagnosis finds no effect beyond it.
         starts: alternative values of its other parameters from which a search begins.
         source: where the equation comes from.
         stage: effects of one slot act in the order of their stages, each on what those of the stages
@@ -46,6 +48,7 @@ class AbstractEffect(eqx.Module):
     slot: ClassVar[Slot]
     reads: ClassVar[frozenset[str]]
     strength: ClassVar[str]
+    largest: ClassVar[float | None] = None
     starts: ClassVar[tuple[Mapping[str, float], ...]]
     source: ClassVar[str]
     stage: ClassVar[int] = 0

@@ -24,6 +24,7 @@ class CommandDelay(AbstractStaticEffect):
     slot: ClassVar = COMMAND
     reads: ClassVar = frozenset({"command", "past"})
     strength: ClassVar = "delay"
+    largest: ClassVar = 1.0
     starts: ClassVar = tuple({"delay": delay} for delay in (0.003, 0.006, 0.012, 0.025, 0.05, 0.1))
     source: ClassVar = "dead time"
 

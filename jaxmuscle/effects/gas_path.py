@@ -47,6 +47,7 @@ class LineLag(AbstractRateEffect):
     slot: ClassVar = MASS_FLOW
     reads: ClassVar = frozenset({"valve_flow"})
     strength: ClassVar = "time_constant"
+    largest: ClassVar = 1.0
     starts: ClassVar = ({},)
     source: ClassVar = "line between valve and chamber (Richer and Hurmuzlu, 2000), lumped to first order"
 

@@ -62,6 +62,7 @@ class MuscleMismatch(AbstractMuscleEffect):
     slot: ClassVar = MUSCLE_FORCE
     reads: ClassVar = frozenset({"muscle_pair"})
     strength: ClassVar = "ratio"
+    largest: ClassVar = 0.5
     starts: ClassVar = ({},)
     source: ClassVar = "[T] equations 4, 14 and 16 with two radii"
 
@@ -147,6 +148,7 @@ class WallThickness(AbstractStaticEffect):
     slot: ClassVar = MUSCLE_FORCE
     reads: ClassVar = frozenset({"muscle", "pressure"})
     strength: ClassVar = "thickness"
+    largest: ClassVar = 5e-3
     starts: ClassVar = ({},)
     source: ClassVar = "Chou and Hannaford 1996"
 
@@ -178,6 +180,7 @@ class LengthHysteresis(AbstractMemoryEffect):
     slot: ClassVar = MUSCLE_FORCE
     reads: ClassVar = frozenset({"muscle", "pressure", "contraction"})
     strength: ClassVar = "weight"
+    largest: ClassVar = 3.0
     starts: ClassVar = ({},)
     source: ClassVar = "[W] equations 1, 3, 5"
     view: ClassVar = LOOP

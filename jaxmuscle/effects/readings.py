@@ -130,6 +130,7 @@ class SensorGain(AbstractReadingEffect):
 
     kind: ClassVar = "sensor_gain"
     strength: ClassVar = "gain"
+    largest: ClassVar = 0.5
     source: ClassVar = "sensitivity error of a transducer, ISA-37.1"
 
     gain: eqx.AbstractVar[Scalar]
@@ -167,6 +168,7 @@ class ClockOffset(AbstractReadingEffect):
 
     kind: ClassVar = "clock_offset"
     strength: ClassVar = "delay"
+    largest: ClassVar = 1.0
     source: ClassVar = "clocks of two recorders, or channels sampled in turn"
 
     delay: eqx.AbstractVar[Scalar]

@@ -67,6 +67,7 @@ class ForceSensorLag(AbstractSensorLag):
     slot: ClassVar = FORCE_READING
     reads: ClassVar = frozenset({"force"})
     strength: ClassVar = "time_constant"
+    largest: ClassVar = 1.0
     starts: ClassVar = ({},)
     source: ClassVar = "first-order lag, first-order hold"
 
@@ -90,6 +91,7 @@ class PressureSensorLag(AbstractSensorLag, AbstractCorrectedEffect):
     slot: ClassVar = PRESSURE_READING
     reads: ClassVar = frozenset({"pressure_reading"})
     strength: ClassVar = "time_constant"
+    largest: ClassVar = 1.0
     starts: ClassVar = ({},)
     source: ClassVar = "first-order lag, first-order hold; Doebelin, Measurement Systems, chapter 6"
 

@@ -18,6 +18,7 @@ from jaxmuscle.diagnosis.verdict import (
     verdict,
     violated_priors,
 )
+from jaxmuscle.effects import BY_NAME, reading_effect
 from jaxmuscle.estimation.free_parameters import Prior
 
 
@@ -68,12 +69,28 @@ def test_missing_is_what_a_residual_has_beyond_the_noise_of_the_worst_reading() 
 def test_an_effect_within_two_standard_deviations_of_none_is_doubted(
     value: float, std: float, sure: bool
 ) -> None:
-    reasons = doubted([friction(value, std)], {"load_friction": "force"})
+    reasons = doubted([friction(value, std)], {"load_friction": "force"}, {})
     assert bool(reasons) is not sure
 
 
 def test_an_effect_that_ends_at_none_is_doubted_though_its_std_is_zero() -> None:
-    assert doubted([friction(0.0, 0.0)], {"load_friction": "force"})
+    assert doubted([friction(0.0, 0.0)], {"load_friction": "force"}, {})
+
+
+@pytest.mark.parametrize(("largest", "refused"), [(None, False), (15.0, False), (13.0, True)])
+def test_a_strength_beyond_what_real_machines_have_is_doubted(largest: float | None, refused: bool) -> None:
+    for value in (14.0, -14.0):
+        found = [friction(value, 0.2)]
+        reasons = doubted(found, {"load_friction": "force"}, {"load_friction": largest})
+        assert bool(reasons) is refused
+        told = f"its strength, {value:.0f} N, is beyond what real machines have, 13 N"
+        assert not refused or reasons["load_friction"] == told
+
+
+def test_errors_of_any_sensor_and_delays_have_a_largest_size() -> None:
+    assert reading_effect("clock_offset", "position").largest == 1.0
+    assert BY_NAME["command_delay"].largest == 1.0
+    assert BY_NAME["load_friction"].largest is None  # by the size of the machine
 
 
 def test_held_out_errors_confirm_by_their_mean_and_not_below_the_noise() -> None:
