@@ -3,7 +3,7 @@
 Every machine is declared without what it is known to have. In each row: verdict, effects, error on unseen
 data of the declared model and of the diagnosed one, and that of a linear black box fitted to the same data.
 
-    python benchmarks/real_diagnoses.py [--json] [--only drive piston muscle]
+    python benchmarks/real_diagnoses.py [--json] [--only drive piston muscle joint_0 joint_3]
 """
 
 from __future__ import annotations
