@@ -76,8 +76,14 @@ def play(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
         memory: F⁻, what the operators were before [unit of the input].
         value: v, the input now.
         threshold: half-widths r ≥ 0.
+
+    Cases are told apart by comparison: maxima and minima halve their slopes where two are alike, at rest for
+    r = 0, and take a division for every tangent of a Jacobian.
     """
-    return jnp.maximum(value - threshold, jnp.minimum(value + threshold, memory))
+    gap = value - memory
+    return jnp.where(
+        gap >= threshold, value - threshold, jnp.where(gap <= -threshold, value + threshold, memory)
+    )
 
 
 def stop(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
@@ -85,7 +91,8 @@ def stop(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:
 
     `memory` is that of the play operator.
     """
-    return jnp.clip(value - memory, -threshold, threshold)
+    gap = value - memory
+    return jnp.where(gap >= threshold, threshold, jnp.where(gap <= -threshold, -threshold, gap))
 
 
 def enveloped_play(
