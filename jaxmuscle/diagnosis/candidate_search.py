@@ -22,8 +22,9 @@ from jaxmuscle.diagnosis.candidates import (
     strengths,
 )
 from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.evidence import blocks, telling_excess
 from jaxmuscle.diagnosis.settled_fit import SettledFit
-from jaxmuscle.diagnosis.workbench import SLOW, Workbench
+from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
@@ -41,9 +42,11 @@ def search_work(effect: Sought) -> float:
 
 SHORT_STEPS, LONG_STEPS = 12, 60
 """Steps of the fit from each base, and of the better one of them to its end."""
-HOPE = 0.02
-"""Part of the excess error that the short fits have to remove to be carried on: less than half of what makes
-a candidate worth judging."""
+HOPE, LEAST = 0.02, 2.0
+"""Part of the excess error, and of the cost, that the short fits have to remove to be carried on: less than
+half of what makes a candidate worth judging, and a likelihood ratio that no test takes for evidence."""
+NEAR, PATIENCE = 0.25, 4
+"""Part of that within which a short fit ends near a minimum, and steps in which it has to get so far."""
 
 
 def search(
@@ -60,8 +63,8 @@ def search(
     Two short fits are made, from the fitted model and from the values of the card, and the better one is
     carried on: the fitted model may be bent far to make up for what is missing, and then lies in a valley
     of its own. Each begins where the cost is least among several strengths of several shapes, with the
-    weights of the `present` model. Where both remove too little (:data:`HOPE`) the search ends without
-    hope; else it goes on with weights from what is left.
+    weights of the `present` model, and ends as soon as too little (:data:`HOPE`) is within its reach. Where
+    both remove too little the search ends without hope; else it goes on with weights from what is left.
     """
     return bench.kept(
         "search",
@@ -87,16 +90,24 @@ def _search(
     weighed = problem.reweighted(present.factors)
     readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
     noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
+    needed = _needed(bench, present, problem)
+    goal = Goal(present.cost - needed, NEAR * needed, PATIENCE)
     for base in (model, bench.with_card_values(model)):
         begin = _best_start(bench, bench.dressed(base, names), accepted, effect, weighed, noise)
         meter.did(next(parts) * work, f"trying {effect.name}")
-        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors))
+        fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors, goal))
         meter.did(next(parts) * work, f"trying {effect.name}")
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    excess = 2 * bench.cost(present.model, weighed) - present.noise_squares(problem)
-    if minimum.cost > present.cost - HOPE * max(0.5 * excess, 0.0):
+    if minimum.cost > goal.goal:
         return SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
     return bench.settled(best, names, problem, LONG_STEPS, SLOW)
+
+
+def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
+    """Fall of the cost below that of the `present` model at which a candidate is worth a whole fit."""
+    block = blocks(len(problem.rows), problem.samples, int(problem.period))
+    residuals = bench.residuals(present.model, problem)
+    return max(HOPE * 0.5 * telling_excess(residuals, problem.weights, block, present.factors), LEAST)
 
 
 def _best_start(

@@ -105,7 +105,7 @@ class ForwardSelection:
         ranking = rank_with_constants(self.bench, self.model, self.names, effects, self.parts, self.meter)
         if ranking.valley is not None:
             self._refit((self.model, ranking.valley))
-            ranking = rank_with_constants(self.bench, self.model, self.names, effects, self.parts, self.meter)
+            ranking = self._ranked_again(ranking, effects)
         best = ranking.supported(len(self.found))
         if best is not None and not explains(best, len(self.found)):
             best = None
@@ -117,6 +117,19 @@ class ForwardSelection:
             return False
         self._add(best)
         return True
+
+    def _ranked_again(self, ranking: Ranking, effects: Sequence[type[AbstractEffect]]) -> Ranking:
+        """The ranking for the model in its better valley, of what was worth judging beside that valley."""
+        judged = {effect for each in ranking.candidates if each.judged for effect in each.effects}
+        again = [effect for effect in effects if effect in judged]
+        if not again:
+            return ranking
+        found = rank_with_constants(
+            self.bench, self.model, self.names, again, self.parts, self.meter, len(effects)
+        )
+        names = {each.name for each in found.candidates}
+        rest = [each for each in ranking.candidates if each.name not in names]
+        return dataclasses.replace(found, candidates=(*found.candidates, *rest))
 
     def _pair(self) -> bool:
         """Add a pair, in place of a single effect that was added, which may imitate the two, or of none."""

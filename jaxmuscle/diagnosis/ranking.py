@@ -24,6 +24,7 @@ from jaxmuscle.diagnosis.evidence import (
     compare,
     correlated_blocks,
     gain,
+    telling_excess,
 )
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
@@ -118,6 +119,7 @@ def rank(
     candidates: Sequence[Sought],
     problem: Problem,
     meter: Meter,
+    tried: int = 0,
 ) -> Ranking:
     """Rank the `candidates` for a model that has `accepted`.
 
@@ -125,6 +127,9 @@ def rank(
     the present model and each candidate are fitted on all folds but one (:class:`Folds`), with all parameters
     that are free anyway, and judged on that one. A candidate that explains too little of the very windows
     that it was fitted to is not judged (:func:`_promising`).
+
+    Args:
+        tried: candidates that were tried for this place, if more than these: evidence allows for them.
     """
     rest = sorted(candidates, key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
@@ -134,15 +139,13 @@ def rank(
     searched = on_all_cores(
         lambda effect: search(bench, model, accepted, effect, problem, present, meter), rest
     )
-    begun, present = present, _at_its_best(bench, accepted, problem, present, rest, searched)
+    begun, present = present, _at_its_best(bench, accepted, problem, block, present, rest, searched)
     valley = None if present is begun else present.model
-    squares = _excess_squares(bench, present.model, problem)
+    cost, missed = bench.cost(present.model, problem), _missed(bench, present.model, problem, block)
     before = _seen(bench, present.model, problem, block)
     seen = [_seen(bench, found.model, problem, block) for found in searched]
     gains = [gain(before, own) for own in seen]
-    falls = [
-        (squares - _excess_squares(bench, found.model, problem)) / max(squares, 1.0) for found in searched
-    ]
+    falls = [2 * (cost - bench.cost(found.model, problem)) / missed if missed else 0.0 for found in searched]
     chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
     left = [
         Candidate((effect,), Evidence(gained, 1.0, typical(own)), own, found.model, (), found.code == FAILED)
@@ -156,7 +159,7 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, len(rest))
+        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, max(tried, len(rest)))
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(
@@ -204,6 +207,7 @@ def _at_its_best(
     bench: Workbench,
     accepted: Sequence[str],
     problem: Problem,
+    block: Blocks,
     present: SettledFit,
     effects: Sequence[Sought],
     searched: Sequence[SettledFit],
@@ -219,24 +223,18 @@ def _at_its_best(
     effect, found = hopeful[best_of([fitted for _, fitted in hopeful])]
     bare = bench.dressed(replace(found.model, without(effect)), accepted)
     other = bench.settled(bare, accepted, problem, STEPS)
-    better = best_of([present, other]) and _falls(bench, present, other, problem)
-    return other if better else present
+    fall = 2 * (bench.cost(present.model, problem) - bench.cost(other.model, problem))
+    deeper = fall > DEEPER * max(_missed(bench, present.model, problem, block), 1.0)
+    return other if deeper and best_of([present, other]) else present
 
 
 DEEPER = 0.05
 """Part of the excess error by which a fit of the same model has to leave less to lie in a better valley."""
 
 
-def _falls(bench: Workbench, present: SettledFit, other: SettledFit, problem: Problem) -> bool:
-    """Whether another fit of the present model removes a noticeable part of the excess error."""
-    squares = _excess_squares(bench, present.model, problem)
-    return squares - _excess_squares(bench, other.model, problem) > DEEPER * max(squares, 1.0)
-
-
-def _excess_squares(bench: Workbench, model: AbstractActuator, problem: Problem) -> float:
-    """Sum of the squared weighted residuals of `model` beyond what noise leaves, 1 for each reading."""
-    readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
-    return 2 * bench.cost(model, problem) - readings
+def _missed(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> float:
+    """Sum of squares beyond noise where `model` misses, of which the falls of others are parts."""
+    return telling_excess(bench.residuals(model, problem), problem.weights, block)
 
 
 def correlation(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> int:

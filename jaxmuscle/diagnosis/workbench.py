@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -29,12 +30,14 @@ from jaxmuscle.estimation.free_parameters import moved_machine
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.residual_layout import ResidualLayout
-from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
+from jaxmuscle.estimation.residuals import Evaluated, evaluate
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.descents import Lane, Limits, Tolerances
+from jaxmuscle.optimization.descents import BROKEN, Lane, Limits, Tolerances
 from jaxmuscle.optimization.levenberg_marquardt import descend
+from jaxmuscle.optimization.secant_updates import descend_by_secants
 from jaxmuscle.parallel import on_all_cores
+from jaxmuscle.parameter_names import of_machine
 
 SPARE = 6
 """Free parameters beyond the declared ones for which fits are laid out: two effects of three. A fit of more
@@ -60,6 +63,17 @@ falls of 7 of these 50.
 """
 REWEIGHTINGS, ALIKE = 8, 0.1
 """Fits by turns with weights from their own residuals, and change of a weight's logarithm that ends them."""
+
+
+class Goal(NamedTuple):
+    """What a fit is made for: the cost that is of use, how near to a minimum is enough, after how many steps.
+
+    The fields are those of :class:`~jaxmuscle.optimization.descents.Tolerances`.
+    """
+
+    goal: float
+    enough: float
+    patience: int
 
 
 @dataclasses.dataclass(frozen=True)
@@ -191,6 +205,7 @@ class Workbench(CandidateModels):
         steps: int,
         slow: float = 0.0,
         factors: Factors | None = None,
+        goal: Goal | None = None,
     ) -> tuple[AbstractActuator, Lane]:
         """`model` with its declared parameters and those of `effects` fitted to `problem`.
 
@@ -201,6 +216,7 @@ class Workbench(CandidateModels):
         Args:
             factors: what the weights of `problem`, by the noise of the sensors, are multiplied by, if not
                 by 1.
+            goal: cost that is of use, if not any.
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
@@ -210,8 +226,14 @@ class Workbench(CandidateModels):
         bounds = (unknowns.lower, unknowns.upper)
         floor = 0.5 * noise_squares(factors, problem)
         ends = Tolerances(fall=FALL, slow=slow, floor=floor, least=LEAST_EXCESS)
+        if goal is not None:
+            ends = dataclasses.replace(ends, **goal._asdict())
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
-        (lane,) = descend(objective.at, unknowns.coordinates(unknowns.start)[None], limits)
+        start = unknowns.coordinates(unknowns.start)
+        if all(of_machine(path) for path in paths):
+            lane = descend_by_secants(objective.values_with_priors, objective.with_priors, start, limits)
+        else:
+            (lane,) = descend(objective.at, start[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane
 
     def compile_stateful(self, problem: Problem) -> None:

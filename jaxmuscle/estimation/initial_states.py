@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residual_analysis import Series
-from jaxmuscle.estimation.residuals import BROKEN, Evaluated, evaluate
+from jaxmuscle.estimation.residuals import Evaluated, evaluate
 from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.optimization.descents import BROKEN
 
 Line = NDArray[np.float64]
 

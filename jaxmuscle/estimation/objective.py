@@ -19,10 +19,10 @@ from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.fingerprint import digest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.losses import Loss
-from jaxmuscle.estimation.residuals import BROKEN, moved, values_and_chosen_slopes, values_and_slopes
+from jaxmuscle.estimation.residuals import evaluate, moved, values_and_chosen_slopes, values_and_slopes
 from jaxmuscle.estimation.serialization import arrays, plain, restored
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.descents import Local
+from jaxmuscle.optimization.descents import BROKEN, Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import get
 
@@ -150,6 +150,27 @@ class Objective:
             gradient = inner * (rows @ values[..., None])[..., 0]
             matrix = inner[:, :, None] * inner[:, None, :] * (rows @ slopes.transpose(0, 2, 1))
         return cost, wrong.sum(axis=1), gradient, matrix
+
+    def with_priors(self, u: Vector) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:
+        """Residuals of all recordings and distances from the priors, and their derivatives."""
+        size, parts = len(self.unknowns), []
+        for number in range(len(self.stations)):
+            r, slopes = (each[0] for each in self.residuals(number, u[None]))
+            whole = np.zeros((size, len(r)))
+            whole[self.unknowns.acting_on(number)] = slopes
+            parts.append((r, whole))
+        parts.append((self.unknowns.prior_residuals(u), np.diag(self.unknowns.prior_slopes)))
+        values, slopes = zip(*parts, strict=True)
+        return np.concatenate(values), np.concatenate(slopes, axis=1)
+
+    def values_with_priors(self, u: Vector) -> Float[np.ndarray, " n"]:
+        """Residuals of all recordings and distances from the priors, without derivatives."""
+        parts = []
+        for number, station in enumerate(self.stations):
+            found = evaluate(*self.moved(number, u))
+            r = np.concatenate([found[link.output].ravel() for link in station.actuator.links])
+            parts.append(station.whitened(np.where(np.abs(r) < BROKEN, r, np.nan)))
+        return np.concatenate([*parts, self.unknowns.prior_residuals(u)])
 
     def residuals(
         self, number: int, points: Float[np.ndarray, "lanes k"]

@@ -22,6 +22,7 @@ from jaxmuscle.effects.readings import reading_effect
 from jaxmuscle.estimation.jacobian import Leaves, Traced, slopes_of
 from jaxmuscle.estimation.padding import in_buckets, without_padding
 from jaxmuscle.estimation.windows import Problem, Residuals
+from jaxmuscle.optimization.descents import BROKEN
 from jaxmuscle.parameter_names import OFFSET, START, of_machine
 from jaxmuscle.parameters import replace, split_index
 from jaxmuscle.simulation import Start, observe, predict, start_at_rest, with_states
@@ -109,10 +110,6 @@ def _begun(actuator: AbstractActuator, problem: Problem) -> Problem:
     return dataclasses.replace(problem, track=dataclasses.replace(track, measured=measured))
 
 
-BROKEN = 1e4
-"""Residual that stands for a prediction that is not a number: large, but no end to the fit."""
-
-
 def residuals(actuator: AbstractActuator, problem: Problem) -> Residuals:
     """Weighted residuals (predicted - measured) of all links."""
     predicted = link_predictions(actuator, problem)
@@ -120,7 +117,7 @@ def residuals(actuator: AbstractActuator, problem: Problem) -> Residuals:
 
 
 def weighted(predicted: Array, problem: Problem, output: str) -> Array:
-    """Weighted residual of one output; what is not a number counts as :data:`BROKEN`."""
+    """Weighted residual of one output; what is not a number counts as `BROKEN`."""
     residual = (predicted - problem.targets[output]) * problem.weights[output]
     return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
 

@@ -16,6 +16,10 @@ Vector = NDArray[np.float64]
 
 CONVERGED, STALLED, STEPS, BUDGET, FAILED = "converged", "stalled", "steps", "budget", "failed"
 """How a descent ended: at a minimum; where no step lowers the cost; out of steps; out of time; nowhere."""
+OUT_OF_REACH = "out of reach"
+"""It ended where the goal that it was given lay too far below."""
+BROKEN = 1e4
+"""Residual that stands for a prediction that is not a number: large, but no end to the fit."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
 
@@ -116,6 +120,9 @@ class Tolerances:
         slow: fall over `patience` steps relative to the same at which it may.
         floor, least: cost that the noise alone leaves, and how much beyond it counts at least, if there is
             so much at all.
+        goal, reach: cost that is of use, and how many times the fall that the quadratic model expects it may
+            lie below; a descent that is farther away ends (:data:`OUT_OF_REACH`).
+        enough: expected fall of the cost at which a descent may end, and what `patience` steps have to bring.
     """
 
     near: float = 1e-3
@@ -126,6 +133,9 @@ class Tolerances:
     slow: float = 0.0
     floor: float = 0.0
     least: float = 0.0
+    goal: float = np.inf
+    reach: float = 2.0
+    enough: float = 0.0
 
     def beyond_noise(self, cost: float) -> float:
         """Cost of which `fall` and `slow` are parts."""

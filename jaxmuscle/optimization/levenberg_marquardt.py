@@ -23,6 +23,7 @@ from jaxmuscle.optimization.descents import (
     BUDGET,
     CONVERGED,
     FAILED,
+    OUT_OF_REACH,
     STALLED,
     STEPS,
     Course,
@@ -79,6 +80,8 @@ FIRST_DAMPING = 1e-2
 """Damping of the first step, relative to the diagonal of the Gauss-Newton matrix: it sets the radius."""
 REJECTIONS = 10
 """Steps rejected in a row after which no further one is tried."""
+LEAST_FALL = 1e-4
+"""Fall of the cost over what was expected from which on a step is taken."""
 POOR, GOOD = 0.25, 0.75
 """Fall of the cost over what was expected, below which a radius shrinks and above which it grows."""
 SHRINK, GROW = 0.25, 2.0
@@ -92,11 +95,23 @@ FILLED = 0.9
 def advance(lane: Lane, local: Local, limits: Limits) -> None:
     """Take the outcome of a trial into a lane and decide on its next one, or on its end."""
     if lane.local is None:
-        if not lane.begin(local, limits):
+        if not begun(lane, local, limits):
             return
+    else:
+        taken(lane, local)
+    proceed(lane, limits)
+
+
+def begun(lane: Lane, local: Local, limits: Limits) -> bool:
+    """Take in what is known at the start; whether there is anything to descend on."""
+    if lane.begin(local, limits):
         lane.curvature = local.matrix.diagonal().copy()
-    elif not _accepted(lane, local):
-        lane.rejected += 1
+        return True
+    return False
+
+
+def proceed(lane: Lane, limits: Limits) -> None:
+    """Decide on the next trial of a lane, or on its end."""
     lane.costs.append(lane.cost)
     if lane.rejected >= REJECTIONS or _tired(lane, limits):
         lane.end(STALLED)
@@ -107,7 +122,10 @@ def advance(lane: Lane, local: Local, limits: Limits) -> None:
     _propose(lane, limits)
 
 
-def _accepted(lane: Lane, local: Local) -> bool:
+def taken(lane: Lane, local: Local) -> float:
+    """Take in the outcome of a trial: the fall of the cost over what was expected, above
+    :data:`LEAST_FALL` where the lane has moved on to it.
+    """
     assert lane.local is not None and lane.trial is not None and lane.curvature is not None
     lane.steps += 1
     gain = lane.local.cost - local.cost if local.finite else -np.inf
@@ -116,11 +134,12 @@ def _accepted(lane: Lane, local: Local) -> bool:
         lane.radius = SHRINK * lane.size
     elif ratio > GOOD and lane.size > FILLED * lane.radius and not lane.rejected:
         lane.radius *= GROW
-    if not ratio > 1e-4:
-        return False
-    lane.u, lane.local, lane.rejected = lane.trial, local, 0
-    lane.curvature = np.maximum(lane.curvature, local.matrix.diagonal())
-    return True
+    if ratio > LEAST_FALL:
+        lane.u, lane.local, lane.rejected = lane.trial, local, 0
+        lane.curvature = np.maximum(lane.curvature, local.matrix.diagonal())
+    else:
+        lane.rejected += 1
+    return ratio
 
 
 def _tired(lane: Lane, limits: Limits) -> bool:
@@ -128,7 +147,8 @@ def _tired(lane: Lane, limits: Limits) -> bool:
     ends = limits.tolerances
     if len(lane.costs) <= ends.patience:
         return False
-    noticeable = max(ends.noticeable * scale(lane, limits), ends.slow * ends.beyond_noise(lane.cost))
+    relative = ends.slow * ends.beyond_noise(lane.cost)
+    noticeable = max(ends.noticeable * scale(lane, limits), relative, ends.enough)
     return lane.costs[-1 - ends.patience] - lane.cost < noticeable
 
 
@@ -140,9 +160,12 @@ def _propose(lane: Lane, limits: Limits) -> None:
     free = ~(lane.held | stuck) & (matrix.diagonal() > 0)
     model = Quadratic(matrix[free][:, free], g[free], np.sqrt(lane.curvature[free])) if free.any() else None
     ends = limits.tolerances
-    near = max(ends.near * scale(lane, limits), ends.fall * ends.beyond_noise(lane.cost))
+    near = max(ends.near * scale(lane, limits), ends.fall * ends.beyond_noise(lane.cost), ends.enough)
     if model is None or model.fall <= near:
         lane.end(CONVERGED)
+        return
+    if lane.cost - ends.reach * model.fall > ends.goal:
+        lane.end(OUT_OF_REACH)
         return
     first = lane.radius == np.inf
     best = model.damped(FIRST_DAMPING) if first else model.within(lane.radius)

@@ -16,6 +16,7 @@ from jaxmuscle.diagnosis.evidence import (
     gain,
     sign_flip_test,
     signed_ranks,
+    telling_excess,
 )
 
 BLOCKS = 160
@@ -189,3 +190,24 @@ def test_losses_of_the_judged_blocks():
     expected = [1.0, np.mean([38.0**2, 39.0**2]), np.mean(np.arange(40.0, 44.0) ** 2)]
     np.testing.assert_allclose(angle, np.log1p(expected))
     assert np.log1p(1.0) == NOISE
+
+
+def test_what_a_model_misses_is_counted_where_it_misses():
+    """Two outputs in four blocks: the noise of one is declared too large, the other is missed in one block."""
+    block = blocks(2, 20, 10)
+    quiet = np.full((2, 20, 2), np.sqrt(0.9))
+    wrong = np.zeros((2, 20))
+    wrong[1, :10] = 3.0
+    weights = {"pressure": np.ones((2, 20, 2)), "angle": np.ones((2, 20))}
+    residuals = {"pressure": quiet, "angle": wrong}
+    assert telling_excess(residuals, weights, block) == pytest.approx(10 * (9.0 - 1.0))
+    assert telling_excess({**residuals, "angle": 0 * wrong}, weights, block) == 0.0
+    halves = {"pressure": np.array([1.0, 0.5]), "angle": np.array([0.5])}
+    assert telling_excess(residuals, weights, block, halves) == pytest.approx(0.25 * 10 * (9.0 - 1.0))
+
+
+def test_readings_without_weight_are_no_part_of_what_is_missed():
+    weights = np.ones((1, 10))
+    weights[0, :5] = 0.0
+    found = telling_excess({"angle": np.full((1, 10), 3.0)}, {"angle": weights}, blocks(1, 10, 10))
+    assert found == pytest.approx(5 * 8.0)

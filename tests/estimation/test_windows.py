@@ -11,9 +11,10 @@ from oracles.driven import driven
 from oracles.recorded import NOISE, driven_card, driven_recording, smooth_motion
 
 from jaxmuscle.estimation.case import case
-from jaxmuscle.estimation.residuals import BROKEN, chain_predictions, link_predictions, residuals
+from jaxmuscle.estimation.residuals import chain_predictions, link_predictions, residuals
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import LONGEST_BATCH, bucket, cut
+from jaxmuscle.optimization.descents import BROKEN
 from jaxmuscle.parameters import replace
 
 STRETCHES = [(0, 430, False), (430, 431, True), (431, 700, True), (700, 1333, False)]

@@ -14,6 +14,7 @@ from jaxmuscle.optimization.descents import (
     BUDGET,
     CONVERGED,
     FAILED,
+    OUT_OF_REACH,
     STALLED,
     STEPS,
     Limits,
@@ -238,3 +239,25 @@ def test_what_noise_leaves_does_not_count_where_falls_are_judged():
 
     assert end() > 0.5
     assert end(floor=5000.0, least=1e-3) < 1e-3
+
+
+@pytest.mark.parametrize("goal, code", [(0.4, OUT_OF_REACH), (0.6, CONVERGED)])
+def test_a_goal_below_what_the_quadratic_model_promises_ends_a_descent(goal, code):
+    # The minimum has cost 1/2: a residual of 1 that nothing moves.
+    def function(u):
+        return np.array([u[0] - 3.0, u[1] + 1.0, 1.0]), np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+
+    calls = []
+    limits = dataclasses.replace(FREE, tolerances=Tolerances(goal=goal, reach=1.0))
+    (lane,) = descend(least_squares(function, calls), np.zeros((1, 2)), limits)
+    assert lane.code == code
+    assert len(calls) == 1 if code == OUT_OF_REACH else lane.cost == pytest.approx(0.5)
+
+
+def test_a_descent_ends_where_what_is_expected_is_not_worth_a_step():
+    def function(u):
+        return np.array([u[0] - 3.0, u[1] + 1.0]), np.eye(2)
+
+    limits = dataclasses.replace(FREE, tolerances=Tolerances(enough=6.0))
+    (lane,) = descend(least_squares(function), np.zeros((1, 2)), limits)
+    assert lane.code == CONVERGED and lane.cost == 5.0
