@@ -193,7 +193,7 @@ def test_losses_of_the_judged_blocks():
 
 
 def test_what_a_model_misses_is_counted_where_it_misses():
-    """Two outputs in four blocks: the noise of one is declared too large, the other is missed in one block."""
+    """Two outputs in four blocks: one whose noise is declared too large, one that is missed in a block."""
     block = blocks(2, 20, 10)
     quiet = np.full((2, 20, 2), np.sqrt(0.9))
     wrong = np.zeros((2, 20))
