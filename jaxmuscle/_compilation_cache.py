@@ -16,6 +16,8 @@ MOST_BYTES = 256 * 2**20
 """Size to which the folder is cut when it is opened. A diagnosis adds some 2 MB."""
 ENTRY = "-cache"
 """Ending of the files in which JAX keeps a program."""
+TRACE = "-trace"
+"""Ending of those in which the package keeps how one was traced (:mod:`jaxmuscle._traced_programs`)."""
 SETTINGS = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
@@ -34,6 +36,11 @@ def in_use(jax: Any) -> Path | None:
     """The folder that JAX keeps programs in, whoever chose it; `None` if it keeps none."""
     folder = jax.config.jax_compilation_cache_dir
     return Path(folder) if folder and jax.config.jax_enable_compilation_cache else None
+
+
+def own_folder(jax: Any) -> Path | None:
+    """The folder, if it is the package that has JAX keep programs there; `None` also where the user has."""
+    return in_use(jax) if _before else None
 
 
 def switch_on(jax: Any, folder: Path | None = None) -> None:
@@ -101,7 +108,7 @@ def _shorten(folder: Path, most: int = MOST_BYTES) -> None:
     JAX can do that itself, with the package filelock and a lock around every program that is read.
     """
     found = []
-    for entry in folder.glob(f"*{ENTRY}"):
+    for entry in (*folder.glob(f"*{ENTRY}"), *folder.glob(f"*{TRACE}")):
         with contextlib.suppress(OSError):  # another process may have removed it
             status = entry.stat()
             found.append((max(status.st_atime, status.st_mtime), status.st_size, entry))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
 import hashlib
 import os
 import platform
@@ -37,6 +38,15 @@ _unfinished: set[Path] = set()
 """What this process is writing."""
 _renaming = threading.RLock()
 """Held while finished files take their places, and for ever once :func:`abandon` was called."""
+
+
+@functools.cache
+def package_hash() -> str:
+    """A hash of the source of the package as it lies on the disk."""
+    found = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        found.update(file.read_bytes())
+    return found.hexdigest()
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from jaxmuscle import _compilation_cache
-from jaxmuscle._compilation_cache import ENTRY
+from jaxmuscle._compilation_cache import ENTRY, TRACE
 from jaxmuscle._config import needed
 from jaxmuscle.errors import InputError
 
@@ -181,9 +181,16 @@ def test_the_oldest_programs_go_when_the_folder_is_full(tmp_path):
 
 @pytest.mark.slow
 def test_a_second_diagnosis_compiles_nothing(tmp_path):
-    """Whatever threads compile side by side, in whatever order."""
-    first, second = (computed(tmp_path, compute=DIAGNOSIS) for _ in range(2))
+    """Whatever threads compile side by side, in whatever order; nor does it trace what the first has."""
+
+    def traced():
+        return {file.name: file.stat().st_mtime_ns for file in tmp_path.rglob(f"*{TRACE}")}
+
+    first = computed(tmp_path, compute=DIAGNOSIS)
+    kept = traced()
+    second = computed(tmp_path, compute=DIAGNOSIS)
     assert first["kept"] > 20 and second["kept"] == 0
+    assert len(kept) >= 7 and traced() == kept
     assert second["result"] == first["result"]
     if not needed():
         assert second["hits"] == second["asked"]

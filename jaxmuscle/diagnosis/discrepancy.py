@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
 
+from jaxmuscle._traced_programs import KeptProgram
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.sensing import sensed
 from jaxmuscle.actuators.variables import Link, rate_unit
@@ -73,7 +74,7 @@ def rates_and_readings(
     return rates, readings
 
 
-@eqx.filter_jit
+@KeptProgram
 def _rates_and_readings(
     model: AbstractActuator, track: Track, samples: int, substeps: int
 ) -> tuple[Arrays, Arrays]:

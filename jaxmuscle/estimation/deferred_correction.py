@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from jaxmuscle._traced_programs import KeptProgram
 from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residuals import Stepping, residual_vector
@@ -23,7 +24,7 @@ CONVERGING = 0.4
 """Ratio of the changes by two halvings in a row, 1/4 in theory, up to which the theory can be relied on."""
 
 
-@eqx.filter_jit
+@KeptProgram
 def _residuals(actuator, problem, times):
     """Residuals with `times` as many steps; one compilation for all of them, whatever is free."""
     stepping = Stepping(problem.substeps * times)

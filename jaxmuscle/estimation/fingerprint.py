@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 import jaxmuscle
+from jaxmuscle.files import package_hash
 from jaxmuscle.recordings.recording import Recording
 
 
@@ -33,7 +34,7 @@ def origin(recordings: Sequence[Recording], kinds: Sequence[type], settings: obj
     device = jax.local_devices()[0].device_kind
     return {
         "version": ", ".join([jaxmuscle.__version__, jax.__version__, np.__version__, device]),
-        "code": digest(_package_code(), [(each.__qualname__, _code_of(each)) for each in kinds]),
+        "code": digest(package_hash(), [(each.__qualname__, _code_of(each)) for each in kinds]),
         "recording": digest(data, rows),
         "card": digest([card.to_toml() for card in cards]),
         "settings": digest(settings, [each.__qualname__ for each in kinds]),
@@ -79,14 +80,6 @@ def _pieces(node: Any) -> Iterator[bytes]:
     for name, value in entries:
         yield repr(name).encode()
         yield from _pieces(value)
-
-
-def _package_code() -> str:
-    """A hash of the source of the package."""
-    found = hashlib.sha256()
-    for file in sorted(Path(jaxmuscle.__file__).parent.rglob("*.py")):
-        found.update(file.read_bytes())
-    return found.hexdigest()
 
 
 def _code_of(kind: type) -> str:

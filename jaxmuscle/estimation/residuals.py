@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import NDArray
 
+from jaxmuscle._traced_programs import KeptProgram
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import Link
 from jaxmuscle.effects.readings import reading_effect
@@ -122,8 +122,8 @@ def weighted(predicted: Array, problem: Problem, output: str) -> Array:
     return jnp.where(jnp.isfinite(residual), jnp.clip(residual, -BROKEN, BROKEN), BROKEN)
 
 
-_residuals = eqx.filter_jit(residuals)
-_chain_predictions = eqx.filter_jit(chain_predictions)
+_residuals = KeptProgram(residuals)
+_chain_predictions = KeptProgram(chain_predictions)
 Evaluated = dict[str, NDArray[np.float64]]
 """Output → (windows, samples, …), without padding."""
 
@@ -194,7 +194,7 @@ def _weighted(
     return jnp.where(weight > 0, (predicted - problem.targets[link.output]) * weight, 0.0).ravel()
 
 
-@eqx.filter_jit
+@KeptProgram
 def values_and_slopes(
     thetas: Float[Array, "lanes values"], actuator: AbstractActuator, problem: Problem, paths: tuple[str, ...]
 ) -> tuple[Float[Array, "lanes residuals"], Float[Array, "lanes values residuals"]]:
@@ -242,7 +242,7 @@ counted both, and saves 1 s of runs.
 """
 
 
-@eqx.filter_jit
+@KeptProgram
 def values_and_chosen_slopes(
     theta: Float[Array, " values"],
     chosen: Int[Array, " width"],
