@@ -230,8 +230,8 @@ class Workbench(CandidateModels):
             ends = dataclasses.replace(ends, **goal._asdict())
         limits = Limits(*bounds, steps, 1, samples=samples, reach=unknowns.reach, tolerances=ends)
         start = unknowns.coordinates(unknowns.start)
-        # Where a search begins, and what it ends with, is found by derivatives: in a rugged valley secants end
-        # a little higher (practice recording 10: 1 % of the cost, and 5.4 mean squares held out for 4.7).
+        # Where a search begins, and what it ends with, is found by derivatives: secants end a little higher
+        # in a rugged valley (practice recording 10: 1 % of the cost, 5.4 mean squares held out for 4.7).
         if slow and all(of_machine(path) for path in paths):
             lane = descend_by_secants(objective.values_with_priors, objective.with_priors, start, limits)
         else:
