@@ -8,6 +8,7 @@ a diagnosis takes three times as long as all that it then computes. Where the pa
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import hashlib
 import threading
@@ -20,6 +21,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax import export
+from jax.core import Tracer
 
 from jaxmuscle import _compilation_cache as programs
 from jaxmuscle.errors import InputError
@@ -66,7 +68,7 @@ class KeptProgram(Generic[Given, Result]):
             return self.plain(*args, **kwargs)
         leaves, form = jax.tree.flatten(args)
         arrays = [leaf for leaf in leaves if _is_array(leaf)]
-        if any(isinstance(each, jax.core.Tracer) for each in arrays):
+        if any(isinstance(each, Tracer) for each in arrays):
             return self.plain(*args, **kwargs)
         still = tuple(None if _is_array(leaf) else (type(leaf), leaf) for leaf in leaves)
         shapes = tuple(jax.typeof(each) for each in arrays)
@@ -105,7 +107,7 @@ class KeptProgram(Generic[Given, Result]):
             whole = list(still)
             for i, each in zip(places, arrays, strict=True):
                 whole[i] = each
-            return self.function(*jax.tree.unflatten(form, whole))
+            return self.function(*jax.tree.unflatten(form, whole))  # pyright: ignore[reportCallIssue]
 
         return _named(of_arrays, self.function.__name__)
 
@@ -157,11 +159,11 @@ def _pieces(node: Any) -> Iterator[str]:
         yield from _pieces((node.func, node.args, node.keywords))
     elif isinstance(node, type) or (callable(node) and hasattr(node, "__qualname__")):
         yield _name(node)
-    elif hasattr(node, "__dataclass_fields__"):
+    elif dataclasses.is_dataclass(node):
         yield _name(type(node))
-        for name in node.__dataclass_fields__:
-            yield name
-            yield from _pieces(getattr(node, name))
+        for field in dataclasses.fields(node):
+            yield field.name
+            yield from _pieces(getattr(node, field.name))
     else:
         raise UnknownCodeError(type(node).__qualname__)
 

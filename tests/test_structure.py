@@ -43,6 +43,7 @@ ON_THE_SIDE = {
     "samples": {"errors"},
     "_config": {"errors", "_compilation_cache"},
     "_compilation_cache": {"errors"},
+    "_traced_programs": {"_compilation_cache", "errors", "files"},
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
     "decimation": set(),

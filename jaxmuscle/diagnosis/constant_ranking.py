@@ -29,7 +29,7 @@ def rank_with_constants(
     effects: Sequence[Sought],
     problem: Problem,
     meter: Meter,
-    tried: int = 0,
+    among: int = 0,
 ) -> Ranking:
     """Rank `effects` and, beside them, constants; effects come first unless a constant is clearly better.
 
@@ -39,9 +39,9 @@ def rank_with_constants(
     as makes a second effect of a pair needed. Otherwise it stays a runner-up, which may not be told apart.
 
     Args:
-        tried: effects that were tried for this place, if more than these.
+        among: effects that were tried for this place, if more than these.
     """
-    ranking = rank(bench, model, accepted, effects, problem, meter, tried) if effects else None
+    ranking = rank(bench, model, accepted, effects, problem, meter, among) if effects else None
     left = [constant for constant in bench.constants if constant.name not in accepted]
     if not left:
         if ranking is None:

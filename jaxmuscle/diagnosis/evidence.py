@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -131,7 +132,7 @@ def telling_excess(
     return max(found, 0.0)
 
 
-def _per_block(values: NDArray[np.float64], block: Blocks) -> NDArray[np.float64]:
+def _per_block(values: NDArray[np.float64], block: Blocks) -> NDArray[Any]:
     return np.bincount(block.ravel(), values.ravel(), minlength=int(block.max()) + 1)
 
 

@@ -119,7 +119,7 @@ def rank(
     candidates: Sequence[Sought],
     problem: Problem,
     meter: Meter,
-    tried: int = 0,
+    among: int = 0,
 ) -> Ranking:
     """Rank the `candidates` for a model that has `accepted`.
 
@@ -129,7 +129,7 @@ def rank(
     that it was fitted to is not judged (:func:`_promising`).
 
     Args:
-        tried: candidates that were tried for this place, if more than these: evidence allows for them.
+        among: candidates that were tried for this place, if more than these: evidence allows for them.
     """
     rest = sorted(candidates, key=carries_state, reverse=True)  # what takes longest comes first
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
@@ -159,7 +159,7 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, max(tried, len(rest)))
+        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, max(among, len(rest)))
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(

@@ -19,13 +19,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
-from jaxmuscle.actuators.sensing import sensed, sensing
+from jaxmuscle.actuators.actuator import AbstractActuator, State
 from jaxmuscle.effects.base import States
-from jaxmuscle.effects.chain import updated_memories
-from jaxmuscle.signals import Past
 from jaxmuscle.simulation.command_switch import switch_of
 from jaxmuscle.simulation.forward_mode import depending_on, linearised_scan
+from jaxmuscle.simulation.interval import Interval, readings_of
 from jaxmuscle.simulation.sensor_errors import Readings, readings_now, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
@@ -47,59 +45,6 @@ class Feedback(eqx.Module):
 
     start: Any
     update: Callable[[Any, Readings, Array], tuple[Any, Array]]
-
-
-class Interval(eqx.Module):
-    """What a machine is under during one interval of the sample clock.
-
-    Attributes:
-        step: its length [s].
-        command, past: held command, and those before it.
-        now, then: imposed states at its two ends; the others are integrated.
-        widening: how many times as wide as it is dry friction is smoothed.
-        time: of its begin since the first row of the track [s]; `None` where no effect reads it.
-    """
-
-    actuator: AbstractActuator
-    step: Float[Array, ""]
-    command: Any
-    past: Past | None
-    now: State
-    then: State
-    widening: Array | None = None
-    time: Array | None = None
-
-    def held(self, memory: States, switched: Array | None = None) -> Held:
-        """What stays as it is during a step, before or after a late command switches if that is said."""
-        past = self.past if self.past is None else dataclasses.replace(self.past, switched=switched)
-        return Held(self.command, past, memory, self.widening, self.time)
-
-    def whole(self, own: State, fraction: Array | float) -> State:
-        """All states, the imposed ones at a fraction of the interval."""
-        path = {name: now + fraction * (self.then[name] - now) for name, now in self.now.items()}
-        return {**own, **path}
-
-    def field_under(
-        self, memory: States, switched: Array | None = None
-    ) -> Callable[[Any, State, Any], State]:
-        """The vector field of the integrated states."""
-        held = self.held(memory, switched)
-
-        @jax.jit  # traced once for all stages of the solver
-        def field(t, own, _):
-            rates = self.actuator.vector_field(self.whole(own, t / self.step), held)
-            return {name: rates[name] for name in own}
-
-        return field
-
-    def finish(
-        self, own: State, memory: States, end: Array, size: Array, switched: Array | None = None
-    ) -> tuple[State, States]:
-        """States and memories after a step of `size` that ended at `end`: contacts and memories act."""
-        state = self.actuator.constrained(self.whole(own, end / self.step))
-        signals = sensing(self.actuator, self.actuator.signals(state, self.held(memory, switched)))
-        after = {name: state[name] for name in own}
-        return after, updated_memories(self.actuator.effects, memory, signals, size)
 
 
 class Run(eqx.Module):
@@ -199,7 +144,7 @@ def run(
             interval, loop = _under(loop, interval, track, at.row)
         state = interval.whole(own, 0.0)
         states = {**state.get("effects", {}), **memory}
-        readings = sensed(actuator, actuator.signals(state, interval.held(memory)), states)
+        readings = readings_of(actuator, state, interval.held(memory), states)
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
         if feedback is not None and loop is not None:
             shown = readings_now(whole, readings, track, at.row)
