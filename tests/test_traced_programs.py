@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,7 +16,8 @@ from jaxmuscle._traced_programs import KeptProgram, UnknownCodeError, _pieces
 from jaxmuscle.components import McKibben
 from jaxmuscle.errors import InputError
 
-MUSCLE = McKibben(initial_length=0.3, initial_radius=0.01, braid_angle=0.4, end_factor=1.28)
+SIZES: Any = {"initial_length": 0.3, "initial_radius": 0.01, "braid_angle": 0.4, "end_factor": 1.28}
+MUSCLE = McKibben(**SIZES)
 
 
 class Counted:
@@ -43,7 +45,7 @@ def folder(tmp_path):
     """The folder that the package keeps programs in, for one test."""
     if _compilation_cache.in_use(jax) is not None:
         pytest.skip("JAX keeps programs in a folder of the user's")
-    enabled = jax.config.jax_enable_compilation_cache
+    enabled = jax.config.read("jax_enable_compilation_cache")
     jax.config.update("jax_enable_compilation_cache", True)
     jm.configure(compile_cache=tmp_path)
     yield tmp_path
@@ -105,7 +107,7 @@ class OwnMuscle(McKibben):
 @pytest.mark.parametrize(
     "thing",
     [
-        OwnMuscle(initial_length=0.3, initial_radius=0.01, braid_angle=0.4, end_factor=1.28),
+        OwnMuscle(**SIZES),
         lambda x: x,
         {1: OwnMuscle},
         object(),
@@ -166,7 +168,9 @@ def test_a_folder_that_takes_nothing_is_no_obstacle(folder, monkeypatch):
 def test_derivatives_go_through(folder):
     kept = Counted()
     slope = jax.grad(lambda p: kept(MUSCLE, p, 2.0)["force"])(2e5)
-    assert slope == pytest.approx(2 * float(MUSCLE.force(0.1, 1.0, MUSCLE.end_factor)), rel=1e-6)
+    assert slope == pytest.approx(
+        2 * float(MUSCLE.force(jnp.array(0.1), jnp.array(1.0), MUSCLE.end_factor)), rel=1e-6
+    )
 
 
 def test_errors_are_those_of_the_function(folder):

@@ -1,6 +1,7 @@
 """Descents with secants in place of derivatives: against SciPy, and how often derivatives are taken."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +47,11 @@ class Counted:
         return self.evaluate(u), self.slopes(u)
 
 
+def by_scipy(start, **options):
+    jac: Any = lambda u: decay_slopes(u).T  # noqa: E731
+    return optimize.least_squares(decay, start, jac=jac, **options)
+
+
 def descended(values, slopes, start, limits):
     counted = Counted(values, slopes)
     return descend_by_secants(counted.plain, counted.linearised, np.array(start), limits), counted
@@ -54,7 +60,7 @@ def descended(values, slopes, start, limits):
 @pytest.mark.parametrize("start", [[1.0, 0.1, 0.0], [3.0, 3.0, 1.0], [2.0, 0.7, 0.5]])
 def test_the_minimum_is_that_of_scipy(start):
     lane, counted = descended(decay, decay_slopes, start, FREE)
-    expected = optimize.least_squares(decay, start, jac=lambda u: decay_slopes(u).T, xtol=1e-12, ftol=1e-12)
+    expected = by_scipy(start, xtol=1e-12, ftol=1e-12)
     assert lane.code == CONVERGED
     # Within the tolerance of the fall that is still expected, 1e-3 per mean square residual.
     assert lane.cost - expected.cost < 1e-3 * 2 * expected.cost / 60
@@ -64,9 +70,7 @@ def test_the_minimum_is_that_of_scipy(start):
 def test_bounds_hold():
     limits = dataclasses.replace(FREE, lower=np.array([0.0, 0.0, 0.0]), upper=np.array([5.0, 5.0, 0.3]))
     lane, _ = descended(decay, decay_slopes, [1.0, 0.1, 0.0], limits)
-    expected = optimize.least_squares(
-        decay, [1.0, 0.1, 0.1], jac=lambda u: decay_slopes(u).T, bounds=(limits.lower, limits.upper)
-    )
+    expected = by_scipy([1.0, 0.1, 0.1], bounds=(limits.lower, limits.upper))
     assert lane.u[2] == 0.3 and lane.cost == pytest.approx(expected.cost, rel=1e-3)
 
 
