@@ -45,7 +45,7 @@ def folder(tmp_path):
     """The folder that the package keeps programs in, for one test."""
     if _compilation_cache.in_use(jax) is not None:
         pytest.skip("JAX keeps programs in a folder of the user's")
-    enabled = jax.config.read("jax_enable_compilation_cache")
+    enabled = getattr(jax.config, "jax_enable_compilation_cache")  # noqa: B009
     jax.config.update("jax_enable_compilation_cache", True)
     jm.configure(compile_cache=tmp_path)
     yield tmp_path
