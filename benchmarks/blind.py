@@ -38,14 +38,15 @@ WORSE = 1.05
 
 
 def tasks(
-    count: int, rigs: Sequence[str], names: Sequence[str] = (), only: bool = False
+    count: int, rigs: Sequence[str], names: Sequence[str] = (), only: bool = False, begin: int = 0
 ) -> Iterator[tuple[int, str, int, bool]]:
     """Seed, rig, number of effects, and whether the noise is coloured; the same for the same numbers.
 
     With `names`, of the rigs that have one of them, and no more effects than those; `only`: always one.
+    `begin`: the first seed.
     """
     rigs = [rig for rig in rigs if not names or set(names) & set(RANGES[rig])]
-    for seed in range(count if rigs else 0):
+    for seed in range(begin, begin + count if rigs else begin):
         # Steps that fill the unit interval evenly, whatever the count.
         kind, colour = (seed * 0.6180339887) % 1, (seed * 0.7548776662) % 1
         rig = rigs[seed % len(rigs)]
@@ -86,12 +87,17 @@ def diagnosed(blind: Blind) -> Row:
 
 
 def run(
-    count: int, rigs: Sequence[str], path: Path, names: Sequence[str] = (), only: bool = False
+    count: int,
+    rigs: Sequence[str],
+    path: Path,
+    names: Sequence[str] = (),
+    only: bool = False,
+    begin: int = 0,
 ) -> list[Row]:
     """Diagnose what the file does not have yet and no other run is at; all rows of these tasks by now."""
     path.parent.mkdir(parents=True, exist_ok=True)
     keys = []
-    for seed, rig, effects, coloured in tasks(count, rigs, names, only):
+    for seed, rig, effects, coloured in tasks(count, rigs, names, only, begin):
         task = key(seed, rig, effects, "coloured" if coloured else "white", tuple(names))
         keys.append(task)
         with claimed(path, task) as mine:
@@ -231,6 +237,7 @@ def detection(rows: Sequence[Row]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=300, help="recordings in all (default 300)")
+    parser.add_argument("--begin", type=int, default=0, metavar="SEED", help="the first seed (default 0)")
     parser.add_argument("--rigs", nargs="*", choices=list(RANGES), default=list(RANGES))
     parser.add_argument("--file", type=Path, default=Path("blind.jsonl"), help="where diagnoses are kept")
     every = sorted({name for effects in RANGES.values() for name in effects})
@@ -241,11 +248,10 @@ def main() -> int:
                          help="every recording lacks this effect and nothing else")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     arguments = parser.parse_args()
-    begin = time.perf_counter()
-    names, only = arguments.names, arguments.only_effect is not None
-    rows = run(
-        arguments.count, arguments.rigs, arguments.file, [arguments.only_effect] if only else names, only
-    )
+    start = time.perf_counter()
+    only = arguments.only_effect is not None
+    names = [arguments.only_effect] if only else arguments.names
+    rows = run(arguments.count, arguments.rigs, arguments.file, names, only, arguments.begin)
     reached = figures(rows)
     print("\nSingle effects that change a reading by", f"{SEEN:g} times its noise, and clean recordings:")
     print(confusion(rows), detection(rows), sep="\n\n", end="\n\n")
@@ -257,7 +263,7 @@ def main() -> int:
     if arguments.json:
         print(json.dumps({"benchmark": "blind", "rows": reached, "reached": sum(r["ok"] for r in reached),
                           "of": len(reached), "machine": platform.processor() or platform.machine(),
-                          "seconds": round(time.perf_counter() - begin, 1)}))  # fmt: skip
+                          "seconds": round(time.perf_counter() - start, 1)}))  # fmt: skip
     return 0
 
 

@@ -216,6 +216,7 @@ def test_shares_of_what_is_drawn():
     assert effects.count(0) == pytest.approx(300 * blind.CLEAN_SHARE, abs=3)
     assert effects.count(2) == pytest.approx(300 * blind.PAIR_SHARE, abs=3)
     assert drawn_ones[:50] == list(blind.tasks(50, ["driven", "joint"]))
+    assert drawn_ones[40:50] == list(blind.tasks(10, ["driven", "joint"], begin=40))
 
 
 @pytest.fixture
