@@ -187,9 +187,9 @@ def configure(
     options for loops on a CPU into ``XLA_FLAGS`` (:mod:`jaxmuscle._config`), which processes begun by
     this one inherit. Who sets ``JAX_ENABLE_X64`` or one of the options before the import keeps what he set.
 
-    Compiled programs are kept for the next process if that is asked for. The command line program does, which
-    saves 40 to 50 % of the processor time of a second diagnosis. An import does not, because JAX would keep
-    the programs of all code of the process, and write files. Who has set ``JAX_COMPILATION_CACHE_DIR``, or
+    Compiled programs, and how they were traced, are kept for the next process if that is asked for. The
+    command line program does: a second diagnosis takes a third of the time. An import does not, because JAX
+    would keep the programs of all code of the process, and write files. Who has set ``JAX_COMPILATION_CACHE_DIR``, or
     ``JAX_ENABLE_COMPILATION_CACHE=false``, keeps what he set.
 
     Args:
