@@ -42,15 +42,16 @@ class Counted:
 
 @pytest.fixture
 def folder(tmp_path):
-    """The folder that the package keeps programs in, for one test."""
-    if _compilation_cache.in_use(jax) is not None:
-        pytest.skip("JAX keeps programs in a folder of the user's")
-    enabled = getattr(jax.config, "jax_enable_compilation_cache")  # noqa: B009
+    """The folder that the package keeps programs in, for one test, whatever these tests were given for it."""
+    names = ("jax_enable_compilation_cache", "jax_compilation_cache_dir")
+    before = {name: getattr(jax.config, name) for name in names}
     jax.config.update("jax_enable_compilation_cache", True)
+    jax.config.update("jax_compilation_cache_dir", None)
     jm.configure(compile_cache=tmp_path)
     yield tmp_path
     jm.configure(compile_cache=False)
-    jax.config.update("jax_enable_compilation_cache", enabled)
+    for name, value in before.items():
+        jax.config.update(name, value)
 
 
 def traces(folder):
