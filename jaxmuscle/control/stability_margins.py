@@ -75,6 +75,7 @@ def machine_response(
     return model, response @ model.c
 
 
+@eqx.filter_jit
 def _linearised(controller: Any, rest: ArrayLike, step: float, rates: bool) -> tuple[Array, ...]:
     """A, B, C, D of a controller, from a reading about its rest to the output."""
     moving, still = eqx.partition(jax.tree.map(jnp.asarray, controller.start()), eqx.is_inexact_array)
@@ -171,6 +172,15 @@ def is_stable(model: ChannelModel, controller: Any, step: float, rates: bool = F
 
     Args: as of :func:`loop_response`.
     """
+    return spectral_radius(model, controller, step, rates) < 1
+
+
+def spectral_radius(model: ChannelModel, controller: Any, step: float, rates: bool = False) -> float:
+    """Size of the largest pole of the closed loop, from sample to sample: by how much a deviation that lasts
+    grows; infinite where one is no number.
+
+    Args: as of :func:`loop_response`.
+    """
     a, b, c, d = (np.asarray(part) for part in _linearised(controller, model.rest, step, rates))
     kept = _acting(a, b, c)
     a, b, c = a[kept][:, kept], b[kept], c[kept]
@@ -180,7 +190,9 @@ def is_stable(model: ChannelModel, controller: Any, step: float, rates: bool = F
             [np.outer(b, model.c), a],
         ]
     )
-    return bool(np.abs(np.linalg.eigvals(closed)).max() < 1)
+    if not np.isfinite(closed).all():
+        return np.inf
+    return float(np.abs(np.linalg.eigvals(closed)).max())
 
 
 def _acting(a: NDArray, b: NDArray, c: NDArray) -> NDArray:

@@ -19,7 +19,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached
 from jaxmuscle.control.loop import ClosedLoop, closed_loop
 from jaxmuscle.control.sliding_mode import Reference, target_of
-from jaxmuscle.control.stability_margins import loop_response, sensitivity
+from jaxmuscle.control.stability_margins import is_stable, loop_response, sensitivity
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.optimization.descents import Local
 from jaxmuscle.parallel import on_all_cores
@@ -150,9 +150,15 @@ class Evaluation:
     Over n scenarios the cost is :math:`(\\frac1n \\sum_i c_i^p)^{1/p}`, a mean at p = 1 and the worst case in
     the limit: a soft maximum that does not depend on the unit of the cost.
 
+    Where the objective asks for the sensitivity, that of a loop which is unstable, linearised, is infinite,
+    and so is the cost: a sensitivity grows without end towards the limit of stability, but beyond it
+    :math:`1/|1 + L|` falls again, as it does not count how often L goes round the critical point.
+
     Attributes:
         rows: the scenarios of `stacked` that count.
         order: p.
+        barred: whether an unstable loop costs infinitely much; where no gains are found with which it is
+            stable its runs alone have to do.
     """
 
     rig: Rig
@@ -160,6 +166,7 @@ class Evaluation:
     stacked: Stacked
     rows: tuple[int, ...]
     order: float
+    barred: bool = True
 
     @property
     def forward(self) -> bool:
@@ -176,10 +183,28 @@ class Evaluation:
         """Programs that a point takes, which run side by side."""
         return -(-len(self.rows) // self.width)
 
+    def unbarred(self) -> Evaluation:
+        """The same in which runs alone tell whether a loop is stable."""
+        return dataclasses.replace(self, barred=False)
+
     def widened(self, factor: float) -> Evaluation:
         """The same with dry friction smoothed more widely."""
         rig = dataclasses.replace(self.rig, widening=jnp.asarray(factor, dtype=float))
         return dataclasses.replace(self, rig=rig)
+
+    def unstable(self, values: Sequence[float] | Vector, rows: Sequence[int]) -> NDArray[np.bool_]:
+        """In which scenarios the linearised loop is unstable under gains (SI); none where no margin is
+        asked for.
+        """
+        rig, models = self.rig, self.stacked.models
+        rates = isinstance(self.stacked.cases.told.reference, Reference)
+        own = rig.controller.at(jnp.asarray(values))
+        judged = [bool(models) and not is_stable(models[row], own, rig.step, rates) for row in rows]
+        return np.array(judged, dtype=bool)
+
+    def _barred(self, point: Vector) -> bool:
+        """Whether a point costs infinitely much by its linearised loops, so that no run is needed."""
+        return self.barred and bool(self.unstable(self.unknowns.values(point), self.rows).any())
 
     def __call__(self, points: Float[np.ndarray, "points k"]) -> list[Local]:
         """Cost, gradient and curvature at points in the coordinates of the unknowns."""
@@ -191,16 +216,20 @@ class Evaluation:
             found = program(self.rig, jnp.asarray(unknowns.values(point)), cases)
             return [np.asarray(part)[:own] for part in found]
 
-        parts = on_all_cores(of, list(itertools.product(points, blocks)))
-        many, found = len(blocks), []
-        for number, point in enumerate(points):
-            own = parts[number * many : (number + 1) * many]
+        barred = [self._barred(point) for point in points]
+        run = [point for point, no in zip(points, barred, strict=True) if not no]
+        parts, found = iter(on_all_cores(of, list(itertools.product(run, blocks)))), []
+        for point, no in zip(points, barred, strict=True):
+            if no:
+                found.append(_nowhere(len(unknowns)))
+                continue
+            own = list(itertools.islice(parts, len(blocks)))
             joined = [np.concatenate(group) for group in zip(*own, strict=True)]
             found.append(_together(joined, unknowns.slopes(point), self.order))
         return found
 
     def seen(self, values: Sequence[float] | Vector, rows: Sequence[int]) -> Seen:
-        """Runs of any scenarios under gains (SI)."""
+        """Runs of any scenarios under gains (SI); what is infinite of an unstable loop is so."""
         blocks = list(self.stacked.blocks(rows, self.width))
 
         def of(block: tuple[Case, int]) -> Any:
@@ -208,7 +237,14 @@ class Evaluation:
             found = _seen(self.rig, jnp.asarray(values), cases)
             return jax.tree.map(lambda leaf: np.asarray(leaf)[:own], found)
 
-        return jax.tree.map(lambda *leaves: np.concatenate(leaves), *on_all_cores(of, blocks))
+        found = jax.tree.map(lambda *leaves: np.concatenate(leaves), *on_all_cores(of, blocks))
+        unstable = self.unstable(values, rows)
+        if not (self.barred and unstable.any()):
+            return found
+        most = sensitivity.__name__
+        terms = {**found.terms, most: np.where(unstable, np.inf, found.terms[most])}
+        cost = np.where(unstable, np.inf, found.cost)
+        return dataclasses.replace(found, cost=cost, terms=terms)
 
     def cost(self, seen: Seen) -> float:
         """The cost that runs together have; infinite where one is not finite."""
@@ -224,6 +260,11 @@ def _largest(costs: Vector) -> float:
     return max(float(costs.max()), 1e-300)
 
 
+def _nowhere(size: int) -> Local:
+    """Of a point to which no descent goes."""
+    return Local(np.inf, np.full(size, np.nan), np.full((size, size), np.nan), 1)
+
+
 def _together(parts: Sequence[NDArray], slopes: Vector, order: float) -> Local:
     """Cost of all scenarios with its derivatives by the coordinates, from those of each by the values.
 
@@ -233,8 +274,7 @@ def _together(parts: Sequence[NDArray], slopes: Vector, order: float) -> Local:
     """
     costs, gradients = parts[0], parts[1] * slopes
     if not (np.isfinite(costs).all() and np.isfinite(gradients).all()):
-        size = len(slopes)
-        return Local(np.inf, np.full(size, np.nan), np.full((size, size), np.nan), 1)
+        return _nowhere(len(slopes))
     largest = _largest(costs)
     shares = (costs / largest) ** (order - 1)
     mean = float(np.mean((costs / largest) ** order)) or 1e-300

@@ -9,17 +9,15 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jaxmuscle.control.sliding_mode import Reference, target_of
-from jaxmuscle.control.stability_margins import is_stable
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.estimation.free_parameters import at_bound, settled
 from jaxmuscle.formatting import quantity
 from jaxmuscle.optimization.descents import BUDGET, FAILED, STEPS, Lane
-from jaxmuscle.tuning.cost_terms import TERMS, units
+from jaxmuscle.tuning.cost_terms import TERMS, sensitivity, units
 from jaxmuscle.tuning.evaluation import MOST_FORWARD, Evaluation, Seen
 from jaxmuscle.tuning.gains import gain_unit
 from jaxmuscle.tuning.scenario_costs import Gain, Judged
@@ -92,7 +90,9 @@ def concluded(
         evaluations=count,
         seconds=seconds,
     )
-    notes += _doubts(tuned) + _instability(unstable_scenarios(evaluation, values))
+    names = evaluation.stacked.names
+    unstable = evaluation.unstable(values, range(len(names)))
+    notes += _doubts(tuned) + _instability([name for name, no in zip(names, unstable, strict=True) if no])
     return dataclasses.replace(tuned, notes=tuple(notes), controller=tuned.put_into(given))
 
 
@@ -144,25 +144,11 @@ def _traces(
     return found
 
 
-def unstable_scenarios(evaluation: Evaluation, values: Float[np.ndarray, " k"]) -> list[str]:
-    """Scenarios whose linearised loop is unstable under some gains, where the objective asks for its margin.
-
-    A sensitivity does not tell: beyond the limit of stability it falls again, as :math:`|1 + L|` does not
-    count how often L goes round the critical point.
-    """
-    stacked, rig = evaluation.stacked, evaluation.rig
-    rates = isinstance(stacked.cases.told.reference, Reference)
-    controller = rig.controller.at(jnp.asarray(values))
-    pairs = zip(stacked.names, stacked.models, strict=False)  # without a margin there are no models
-    return [name for name, model in pairs if not is_stable(model, controller, rig.step, rates)]
-
-
 def _instability(names: Sequence[str]) -> list[str]:
     """The doubt about loops that are unstable."""
     return [
-        f"The linearised loop is unstable in scenario {', '.join(names)}: the sensitivity means nothing "
-        "there, and only what a linear model leaves out, such as dry friction, holds it. Start from smaller "
-        "gains."
+        f"The linearised loop is unstable in scenario {', '.join(names)}: only what a linear model leaves "
+        "out, such as dry friction, holds it. Start from smaller gains."
     ] if names else []  # fmt: skip
 
 
@@ -189,7 +175,10 @@ def _doubts(tuned: Tuning) -> list[str]:
     if after is None:
         found.append("Nothing was held out: whether the gains hold elsewhere is not known.")
     else:
-        lost = [str(name) for name in after.terms.index[~np.isfinite(after.terms["cost"].to_numpy())]]
+        # Without the sensitivity, which is infinite where a loop is unstable that may run on all the same.
+        runs = after.terms.drop(columns=["cost", sensitivity.__name__], errors="ignore")
+        shown = runs if len(runs.columns) else after.terms
+        lost = [str(name) for name in after.terms.index[~np.isfinite(shown.to_numpy()).all(axis=1)]]
         if lost:
             found.append(f"With the tuned gains the loop runs away in held-out scenario {', '.join(lost)}.")
         elif not tuned.holds:

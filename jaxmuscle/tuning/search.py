@@ -70,10 +70,21 @@ class Search:
                 stage, own = f"friction {factor:g} times as wide", own.widened(factor)
             lanes = self._descend(own, points, stage)
             if best(lanes) is None:
-                points = self._elsewhere(own, points)
-                lanes = self._descend(own, points, stage)
+                found = self._elsewhere(own, points)
+                if not len(found):
+                    return self._unbarred(points, wide)
+                lanes, points = self._descend(own, found, stage), found
             points = np.stack([lane.u for lane in lanes if lane.code != FAILED])
         return lanes
+
+    def _unbarred(self, points: NDArray, wide: Sequence[float]) -> list[Lane]:
+        """The same where no gains are found with which the linearised loop is stable."""
+        self.evaluation = self.evaluation.unbarred()
+        self.told.append(
+            "No gains were found with which the linearised loop is stable: what they are worth was judged by "
+            "their runs alone."
+        )
+        return self.from_points(points, wide)
 
     def _descend(self, evaluation: Evaluation, points: NDArray, stage: str) -> list[Lane]:
         def evaluate(trials: Float[np.ndarray, "lanes k"]) -> Any:
@@ -90,12 +101,14 @@ class Search:
         failed = [lane.code == FAILED for lane in lanes]
         if any(failed) and not all(failed):
             own = f"The loop is unstable at its start gains: {_runs_away(evaluation, lanes[0].start)}. "
-            many = f"At {sum(failed)} of {len(lanes)} starts the loop ran away; they were given up."
+            what = "ran away or was unstable, linearised" if evaluation.stacked.models else "ran away"
+            many = f"At {sum(failed)} of {len(lanes)} starts the loop {what}; they were given up."
             self.told.append((own if failed[0] else "") + many)
         return lanes
 
     def _elsewhere(self, evaluation: Evaluation, points: NDArray) -> NDArray:
-        """Points with smaller gains at which the loop does not run away.
+        """Points with smaller gains at which the loop does not run away; none where that would be another
+        matter without the bar of linearised loops.
 
         Raises:
             InputError: there is none; it says where the loop runs away at the first start.
@@ -109,6 +122,8 @@ class Search:
         self.count += len(drawn)
         costs = np.array([local.cost if local.finite else np.inf for local in evaluation(drawn)])
         where = _runs_away(evaluation, first)
+        if not np.isfinite(costs).any() and evaluation.barred and evaluation.stacked.models:
+            return drawn[:0]
         if not np.isfinite(costs).any():
             values = ", ".join(
                 f"{n} = {v:g}" for n, v in zip(unknowns.names, unknowns.values(first), strict=True)
@@ -127,7 +142,11 @@ class Search:
 def _runs_away(evaluation: Evaluation, point: NDArray) -> str:
     """In which scenario, and when, readings at a point are no numbers any more."""
     scenarios = evaluation.stacked
-    seen = evaluation.seen(settled(evaluation.unknowns, point), evaluation.rows)
+    values = settled(evaluation.unknowns, point)
+    unstable = evaluation.unstable(values, evaluation.rows) & evaluation.barred
+    if unstable.any():
+        return f"linearised, in scenario {scenarios.names[evaluation.rows[int(np.argmax(unstable))]]}"
+    seen = evaluation.seen(values, evaluation.rows)
     followed = evaluation.rig.objective.reading
     readings = sorted(seen.readings.items(), key=lambda entry: entry[0] != followed)
     for row in evaluation.rows:

@@ -81,7 +81,8 @@ def tune(
             (largest error), "overshoot", "settling" [s], "arrival" (error over the last tenth), "effort"
             (root mean square of the command's distance from rest), "variation" (of its rate) and
             "sensitivity" (1 over the modulus margin of the loop, linearised at rest under an output of zero
-            and without dry friction: :func:`~jaxmuscle.control.margins`; of a stable loop); or a function
+            and without dry friction: :func:`~jaxmuscle.control.margins`; infinite of an unstable loop, so
+            that gains with which it is stable are kept to wherever there are any); or a function
             (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
             cost as one number, not below zero. By default tracking, 1 % of the range of the references.
         held_out: scenarios for the last word.
@@ -128,7 +129,7 @@ def tune(
     }
     settings = {**_settled(evaluation), **asked}
     passed = time.monotonic() - begin
-    return concluded(evaluation, best(lanes), search.told, search.count, passed, controller, settings)
+    return concluded(search.evaluation, best(lanes), search.told, search.count, passed, controller, settings)
 
 
 def _settled(evaluation: Evaluation) -> dict[str, Any]:
