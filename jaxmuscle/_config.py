@@ -188,9 +188,9 @@ def configure(
     this one inherit. Who sets ``JAX_ENABLE_X64`` or one of the options before the import keeps what he set.
 
     Compiled programs, and how they were traced, are kept for the next process if that is asked for. The
-    command line program does: a second diagnosis takes a third of the time. An import does not, because JAX
-    would keep the programs of all code of the process, and write files. Who has set ``JAX_COMPILATION_CACHE_DIR``, or
-    ``JAX_ENABLE_COMPILATION_CACHE=false``, keeps what he set.
+    command line program does: a second diagnosis takes half the time. An import does not, because JAX would
+    keep the programs of all code of the process, and write files. Who has set ``JAX_COMPILATION_CACHE_DIR``,
+    or ``JAX_ENABLE_COMPILATION_CACHE=false``, keeps what he set.
 
     Args:
         x64: switch double precision on or off. Without it simulations are single, and fits and diagnoses

@@ -178,7 +178,8 @@ def _doubts(tuned: Tuning) -> list[str]:
         # Without the sensitivity, which is infinite where a loop is unstable that may run on all the same.
         runs = after.terms.drop(columns=["cost", sensitivity.__name__], errors="ignore")
         shown = runs if len(runs.columns) else after.terms
-        lost = [str(name) for name in after.terms.index[~np.isfinite(shown.to_numpy()).all(axis=1)]]
+        wild = np.flatnonzero(~np.isfinite(shown.to_numpy()).all(axis=1))
+        lost = [str(after.terms.index[i]) for i in wild]
         if lost:
             found.append(f"With the tuned gains the loop runs away in held-out scenario {', '.join(lost)}.")
         elif not tuned.holds:

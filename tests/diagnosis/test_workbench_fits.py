@@ -124,7 +124,7 @@ def test_one_program_for_every_choice(prepared):
     """Fits of two of the parameters and of one of them run in the program of all."""
 
     def programs():
-        return values_and_chosen_slopes._cached._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
+        return values_and_chosen_slopes.plain._cached._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
 
     own = tools(prepared)
     own.jacobian(prepared.actuator, prepared.training, PATHS, [])

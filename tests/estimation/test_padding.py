@@ -138,7 +138,7 @@ def test_fits_of_two_lengths_share_their_programs(lift):
     """And each is what it would be alone: the readings that count are its own."""
 
     def programs():
-        return values_and_slopes._cached._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
+        return values_and_slopes.plain._cached._cache_size()  # pyright: ignore[reportFunctionMemberAccess]
 
     rows = bucket(SAMPLES)
     machine = jm.actuator(lift.card)
