@@ -27,9 +27,15 @@ def _rates_now(actuator: AbstractActuator, state: State, held: Held) -> State:
 
 
 @eqx.filter_jit
-def readings_of(actuator: AbstractActuator, state: State, held: Held, states: States) -> dict[str, Array]:
-    """What the sensors show; `states`: integrated states and memories of effects."""
+def _sensed_now(actuator: AbstractActuator, state: State, held: Held, states: States) -> dict[str, Array]:
     return sensed(actuator, actuator.signals(state, held), states)
+
+
+def readings_of(actuator: AbstractActuator, state: State, held: Held, states: States) -> dict[str, Array]:
+    """What the sensors show, in the order of the rig; `states`: integrated states and memories of effects."""
+    found = _sensed_now(actuator, state, held, states)
+    order = {name: i for i, name in enumerate(actuator.outputs)}
+    return {name: found[name] for name in sorted(found, key=lambda name: order.get(name, len(order)))}
 
 
 @eqx.filter_jit
