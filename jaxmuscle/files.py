@@ -33,9 +33,13 @@ HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
 """Mark of this machine: a folder may be shared, and a process has a number on one machine only."""
 UNFINISHED = re.compile(r"\..*\.([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?")
 """Names of files and folders that are being written, with machine and process that write them."""
+MARK = re.compile(r"[0-9a-f]{8}(\.[^.]*)?$")
+"""The end of such a name, by which the folders of one process differ."""
 
-_unfinished: set[Path] = set()
-"""What this process is writing."""
+_unfinished: dict[Path, Path] = {}
+"""What this process is writing → its folder, which goes when that is done or given up. Without a folder of
+its own a file that :func:`abandon` has removed would come back where its writer, in another thread, only then
+opens it."""
 _renaming = threading.RLock()
 """Held while finished files take their places, and for ever once :func:`abandon` was called."""
 
@@ -64,7 +68,7 @@ def atomic_write(*places: Path) -> Iterator[tuple[Path, ...]]:
     targets = [Path(os.path.realpath(place)) for place in places]
     waiting: list[Path] = []
     with told_where(*places):
-        if _unfinished.issuperset(targets):
+        if set(targets) <= _unfinished.keys():
             yield tuple(targets)  # A block around this one has them take their places.
             return
         try:
@@ -120,7 +124,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
         inner = unfinished / place.relative_to(top)
         try:
             with _renaming:
-                _unfinished.add(unfinished)
+                _unfinished[unfinished] = unfinished
                 inner.mkdir(parents=True)
             yield inner
             with _renaming:
@@ -166,13 +170,19 @@ def told_where(*places: object) -> Iterator[None]:
 
 
 def _opened_beside(target: Path) -> Path:
-    """A new empty file in the folder of `target`, with the mode that `target` has or would get."""
-    unfinished = _beside(target)
+    """A new empty file in a new folder beside `target`, with the mode that `target` has or would get."""
+    folder = _beside(target)
+    unfinished = folder / target.name
     with _renaming:
-        unfinished.touch(exist_ok=False)
-        _unfinished.add(unfinished)
-    if target.exists():
-        unfinished.chmod(target.stat().st_mode & 0o777)
+        _unfinished[unfinished] = folder
+        try:
+            folder.mkdir()
+            unfinished.touch(exist_ok=False)
+            if target.exists():
+                unfinished.chmod(target.stat().st_mode & 0o777)
+        except OSError:
+            _remove([unfinished])
+            raise
     return unfinished
 
 
@@ -212,10 +222,18 @@ def _to_disk(file: Path) -> None:
 
 
 def _remove(paths: Iterable[Path]) -> None:
+    """Remove what is being written, with its folder.
+
+    A folder is first renamed: who still writes there, in another thread, finds it gone from one moment to
+    the next, and puts nothing new into what is being removed.
+    """
     for path in paths:
+        place = _unfinished.pop(path, path)
+        away = place.with_name(MARK.sub(lambda mark: f"{secrets.token_hex(4)}{mark[1] or ''}", place.name))
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):  # Its folder may be a file by now.
-            shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
-        _unfinished.discard(path)
+            with contextlib.suppress(PermissionError):  # Not every system renames a folder with open files.
+                place = place.rename(away)
+            shutil.rmtree(place, ignore_errors=True) if place.is_dir() else place.unlink()
 
 
 def existing_file(path: Path, kind: str, suffixes: tuple[str, ...]) -> Path:

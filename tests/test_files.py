@@ -157,10 +157,11 @@ def test_a_folder_below_a_file_is_refused_and_forgotten(tmp_path):
     assert not files._unfinished and [file.name for file in tmp_path.iterdir()] == ["page.html"]
 
 
-def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch):
-    """As after Ctrl-C, when another thread is writing."""
+@pytest.mark.parametrize("opens", ["before", "after"])
+def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch, opens):
+    """As after Ctrl-C, when another thread is writing, or has not opened its file yet."""
     monkeypatch.setattr(files, "_renaming", threading.RLock())
-    begun, go_on = threading.Event(), threading.Event()
+    begun, go_on, gone = threading.Event(), threading.Event(), []
 
     def write():
         places = tmp_path / "one.txt", tmp_path / "new"
@@ -169,10 +170,15 @@ def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch)
             atomic_write(places[0]) as (one,),
             atomic_folder(places[1], "a") as (two,),
         ):
-            one.write_text("half")
-            two.write_text("half")
+            if opens == "before":
+                one.write_text("half")
+                two.write_text("half")
             begun.set()
             go_on.wait(60)
+            for file in (one, two) if opens == "after" else ():
+                with pytest.raises(FileNotFoundError):
+                    file.write_text("late")
+                gone.append(file.name)
 
     thread = threading.Thread(target=write)
     thread.start()
@@ -182,7 +188,7 @@ def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == []
     go_on.set()
     thread.join()
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [] and gone == (["one.txt", "a"] if opens == "after" else [])
 
 
 PAIR = """
