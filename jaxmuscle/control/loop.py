@@ -16,6 +16,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.errors import InputError
 from jaxmuscle.simulation import Feedback, Track, run, start_at_rest
+from jaxmuscle.simulation.run import Derivatives
 from jaxmuscle.simulation.simulate import Steps, steps_of
 from jaxmuscle.simulation.track import commanded_track, sampling_step
 
@@ -59,6 +60,7 @@ def closed_loop(
     method: str | None = None,
     substeps: int | None = None,
     widening: ArrayLike | None = None,
+    derivatives: Derivatives = "any",
 ) -> ClosedLoop:
     """Simulate `actuator` from rest under `controller`.
 
@@ -81,6 +83,8 @@ def closed_loop(
         start, method, substeps: as for :func:`jaxmuscle.simulate`.
         widening: how many times as wide as it is dry friction is smoothed where a motion comes to rest, for
             the first stages of a descent; a mass that friction holds stays held. As it is when `None`.
+        derivatives: as they will be taken: in either mode ("any"); or forward, with several tangents, computed
+            apart from the values ("linearised"), which is quicker and has the same values.
 
     Raises:
         InputError: a rig without a command, a reference of another length or with values that are not
@@ -98,8 +102,9 @@ def closed_loop(
     steps = steps_of(actuator, step, method, substeps)
     wide = None if widening is None else jnp.asarray(widening, dtype=float)
     return _closed(
-        actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps, wide
-    )
+        actuator, controller, wanted, jnp.asarray(clock), jnp.asarray(step), begin, given, steps, wide,
+        derivatives,
+    )  # fmt: skip
 
 
 def _wanted(reference: Any, samples: int) -> Any:
@@ -156,6 +161,7 @@ def _closed(
     given: dict[str, Array],
     steps: Steps,
     widening: Array | None,
+    derivatives: Derivatives,
 ) -> ClosedLoop:
     """:func:`closed_loop`, compiled."""
     width = (len(actuator.commands),) if len(actuator.commands) > 1 else ()
@@ -186,5 +192,6 @@ def _closed(
         substeps=steps.substeps,
         method=steps.method,
         feedback=Feedback(as_arrays(begin), update),
+        derivatives=derivatives,
     )
     return ClosedLoop(clock, found.readings, found.command)

@@ -126,6 +126,7 @@ def run(
     solver = method_for(actuator, start.state, free, width, method)
     switch = switch_of(actuator, track.step, substeps, solver) if tolerance is None else None
     plan = Plan(solver, substeps, width, tolerance, _rates(actuator, free), derivatives == "any", switch)
+    apart = feedback is not None and derivatives == "linearised"
 
     def sample(carry: Carry, at: Sample):
         own, memory, course, loop = carry
@@ -150,7 +151,8 @@ def run(
             shown = readings_now(whole, readings, track, at.row)
             control, command = feedback.update(loop.control, shown, at.number)
             interval, loop = _under(Loop(control, command, loop.table), interval, track, at.row)
-        own, memory, course = advance(plan, interval.field_under, interval.finish, own, memory, course)
+        field_under = interval.field_under if not apart else _apart(interval.field_under)
+        own, memory, course = advance(plan, field_under, interval.finish, own, memory, course)
         return Carry(own, memory, course, loop), (readings, kept, interval.command)
 
     steps = None if tolerance is None else begin_course(width, free)
@@ -162,6 +164,22 @@ def run(
     there = track.at(row + samples)
     final = Start({**end.own, **{name: there[name] for name in imposed}}, end.memory)
     return Run(shown_readings(whole, readings, track, row), states, commands, final)
+
+
+def _apart(field_under: Callable[..., Any]) -> Callable[..., Any]:
+    """The field whose states and rates are kept, each once.
+
+    XLA merges what a stage of the solver computes into each of its uses in the next ones, three times as
+    many operations as there are where tangents are carried through a controller: cost and gradient by six
+    gains of a joint in closed loop take 1.4 in place of 1.9 ms a scenario so.
+    """
+
+    def under(memory: States, switched: Array | None = None) -> Callable[[Any, State, Any], State]:
+        field = field_under(memory, switched)
+        keep = jax.lax.optimization_barrier
+        return lambda t, own, nothing: keep(field(t, keep(own), nothing))
+
+    return under
 
 
 def _first_loop(

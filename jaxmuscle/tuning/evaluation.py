@@ -24,6 +24,7 @@ from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.optimization.descents import Local
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import replace
+from jaxmuscle.simulation.run import Derivatives
 from jaxmuscle.tuning.cases import Case, Sensed, Stacked
 from jaxmuscle.tuning.cost_terms import Objective
 from jaxmuscle.tuning.gains import Movable
@@ -63,8 +64,8 @@ class Rig(eqx.Module):
         objective = dataclasses.replace(self.objective, rest=attached.rest)
         return dataclasses.replace(self, actuator=machine, attached=attached, objective=objective)
 
-    def run(self, gains: Array, case: Case) -> ClosedLoop:
-        """One scenario under some gains (SI), on its machine."""
+    def run(self, gains: Array, case: Case, derivatives: Derivatives = "any") -> ClosedLoop:
+        """One scenario under some gains (SI), on its machine; derivatives by the gains as they are taken."""
         controller = whole = self.controller.at(gains)
         if self.attached is not None:
             whole = eqx.tree_at(lambda loop: loop.controller, self.attached, controller)
@@ -75,12 +76,13 @@ class Rig(eqx.Module):
             np.arange(self.samples) * self.step,
             start=case.start,
             widening=self.widening,
+            derivatives=derivatives,
         )
 
-    def residuals(self, gains: Array, case: Case) -> Array:
-        """What the cost of one scenario is made of, on its machine."""
+    def residuals(self, gains: Array, case: Case, derivatives: Derivatives = "any") -> Array:
+        """What the cost of one scenario is made of, on its machine; derivatives as for :meth:`run`."""
         reference = case.told.reference
-        loop = self.run(gains, case)
+        loop = self.run(gains, case, derivatives)
         disturbed = self.disturbed(gains, case)
         return self.objective.residuals(loop, reference, target_of(reference), case.counts, disturbed)
 
@@ -97,16 +99,17 @@ class Rig(eqx.Module):
 def _forward(rig: Rig, gains: Array, cases: Case) -> tuple[Array, Array, Array]:
     """Cost of each scenario, gradient and Gauss-Newton matrix by the gains; one forward pass for each."""
 
-    def of(case: Case) -> tuple[Array, Array, Array]:
-        def pushed(tangent: Array) -> tuple[Array, Array]:
-            return jax.jvp(lambda there: own.residuals(there, case), (gains,), (tangent,))
+    def of(there: Array) -> Array:
+        run = lambda case: rig.within(case).residuals(there, case, "linearised")  # noqa: E731
+        return jax.vmap(run)(cases)
 
-        own = rig.within(case)
+    def pushed(tangent: Array) -> tuple[Array, Array]:
+        return jax.jvp(of, (gains,), (tangent,))
 
-        r, slopes = jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(gains)))
-        return r @ r, 2 * slopes @ r, 2 * slopes @ slopes.T
-
-    return jax.vmap(of)(cases)
+    # Scenarios are innermost: the axis along which a core computes several numbers at once.
+    r, slopes = jax.vmap(pushed, out_axes=(None, 0))(jnp.eye(len(gains)))
+    gradients, matrices = jnp.einsum("ksi,si->sk", slopes, r), jnp.einsum("ksi,lsi->skl", slopes, slopes)
+    return jnp.sum(r**2, axis=1), 2 * gradients, 2 * matrices
 
 
 @eqx.filter_jit
