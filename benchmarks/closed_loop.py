@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterator
 from closed_loop_elbow import elbow_rows
 from closed_loop_force import force_rows
 from closed_loop_joint import joint_rows
+from closed_loop_pane import pane_rows
 from closed_loop_robot import robot_rows
 from published_rows import Row, printed
 
-PARTS: tuple[Callable[[], Iterator[Row]], ...] = (joint_rows, robot_rows, force_rows, elbow_rows)
+PARTS: tuple[Callable[[], Iterator[Row]], ...] = (joint_rows, robot_rows, pane_rows, force_rows, elbow_rows)
 
 
 def rows() -> Iterator[Row]:
