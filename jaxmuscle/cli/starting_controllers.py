@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
 
-from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.cli.control_tasks import Task
 from jaxmuscle.cli.option_values import Unit, split_option, values_of
 from jaxmuscle.control import (
     PID,
@@ -22,60 +21,19 @@ from jaxmuscle.control import (
     model_inverse,
 )
 from jaxmuscle.control.channel_model import without_dry_friction
-from jaxmuscle.control.feedback import check_units, output_limits
 from jaxmuscle.control.pid import check_signs
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import parameters, replace
-from jaxmuscle.tuning.gains import gain_unit
 
 GAIN = "NAME=VALUE[:UNIT]"
-SHARE, INTEGRAL, DERIVATIVE = 0.25, 1.0, 0.05
-"""A PID that nobody has set begins so: at an error of the references' whole range it gives this share of the
-range of its output; integral time and derivative time [s]. A start only, that is not tuned on anything."""
+INTEGRAL, DERIVATIVE = 1.0, 0.05
+"""Integral time and derivative time [s] of a PID that nobody has set; a start only, as its share of the
+output is (:data:`jaxmuscle.cli.control_tasks.SHARE`)."""
 SLOPE, CURVATURE = 7.5, 0.02
 """Of a variable-structure controller [1/s, s]: the middle of what [T] gives."""
 LOUD, QUIET = 0.1, 1e-3
 """Of the references' range: the error that costs a linear-quadratic controller as much as that share of the
 output; the noise of a sensor of which the card says nothing."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """What a controller is for: a machine, the range of what it has to follow, sampling step, sensor noise.
-
-    Attributes:
-        range: of the references and zero (SI).
-        noise: standard deviation of the reading (SI); 0 where it is not known.
-    """
-
-    actuator: AbstractActuator
-    range: float
-    step: float
-    noise: float = 0.0
-
-    @property
-    def span(self) -> float:
-        """Range of a controller's output within which no command is limited; infinite where none is."""
-        lowest, highest = output_limits(self.actuator.actuation())
-        return float(highest - lowest)
-
-    def share(self, gain: str, unit: str) -> float:
-        """The share of the output that the whole range is answered with.
-
-        Args:
-            gain: what it is asked for, in the message, and its unit.
-
-        Raises:
-            InputError: nothing says how large outputs or references are.
-        """
-        begin = f"say where to begin, --gain {gain}=…:{gain_unit(self.actuator, unit)}"
-        if not self.range > 0:
-            raise InputError(f"the reference does not move, so that no gain can be guessed from it: {begin}")
-        if not math.isfinite(self.span):
-            raise InputError(
-                f"the commands of rig {self.actuator.rig!r} have no limits to guess a gain from: {begin}"
-            )
-        return SHARE * self.span
 
 
 Given = dict[str, float]
@@ -145,7 +103,7 @@ def _fitting(task: Task, kind: Any) -> Any:
     Raises:
         InputError: they are not.
     """
-    check_units(task.actuator, kind)
+    task.check_kind(kind)
     return kind
 
 
@@ -158,12 +116,34 @@ class Beginning:
         gains: name → unit of what ``--gain`` sets.
         rates: whether it follows rates of the reference too.
         origin: what a report says of gains that nobody gave.
+        of_joints: whether it may be put on each joint of a robot.
     """
 
     build: Callable[[Task, Given], Any]
     gains: dict[str, str]
     rates: bool = False
     origin: str = "gains guessed from the ranges of the rig"
+    of_joints: bool = False
+
+    def for_all(self, tasks: Sequence[Task], settings: Sequence[str]) -> list[Any]:
+        """A controller for each task; of a robot, "joints[1].NAME=…" sets one joint's, "NAME=…" all others'.
+
+        Raises:
+            InputError: as for :meth:`with_gains`, or a controller that is none of a robot's joint.
+        """
+        if all(task.joint is None for task in tasks):
+            return [self.with_gains(task, settings) for task in tasks]
+        if not self.of_joints:
+            fitting, rig = (
+                [name for name, each in CONTROLLERS.items() if each.of_joints],
+                tasks[0].actuator.rig,
+            )
+            raise InputError(f"--controller: expected {' or '.join(fitting)} for each joint of rig {rig!r}")
+        places = [f"joints[{task.joint}]." for task in tasks]
+        if unknown := [s for s in settings if s.startswith("joints[") and not s.startswith(tuple(places))]:
+            raise InputError(f"--gain {unknown[0]}: expected {' or '.join(f'{p}NAME=…' for p in places)}")
+        own = [_of_joint(settings, place) for place in places]
+        return [self.with_gains(task, each) for task, each in zip(tasks, own, strict=True)]
 
     def with_gains(self, task: Task, settings: Sequence[str]) -> Any:
         """The controller with the gains that are given, else with some to begin with.
@@ -177,7 +157,7 @@ class Beginning:
             name, body = split_option(text, "--gain", GAIN)
             if name not in self.gains:
                 raise InputError(f"--gain: unknown gain {name!r}{nearest(name, self.gains)}")
-            unit = gain_unit(task.actuator, self.gains[name])
+            unit = task.unit(self.gains[name])
             (value, *more) = values_of(body, f"--gain {text}", GAIN, Unit(unit, unit))
             if more:
                 raise InputError(f"--gain {text}: expected {GAIN}, one value")
@@ -185,6 +165,14 @@ class Beginning:
         controller = self.build(task, given)
         check_signs(controller)
         return controller
+
+
+def _of_joint(settings: Sequence[str], place: str) -> list[str]:
+    """Settings of one joint, without its name, and those of all that it has not of its own."""
+    own = [text.removeprefix(place) for text in settings if text.startswith(place)]
+    names = {text.partition("=")[0] for text in own}
+    common = [text for text in settings if not text.startswith("joints[")]
+    return own + [text for text in common if text.partition("=")[0] not in names]
 
 
 def _units(kind: type[eqx.Module], prefix: str = "", *without: str) -> dict[str, str]:
@@ -199,14 +187,14 @@ def _units(kind: type[eqx.Module], prefix: str = "", *without: str) -> dict[str,
 
 _GAINS = _units(PID)
 CONTROLLERS: dict[str, Beginning] = {
-    "pid": Beginning(_pid, _GAINS),
+    "pid": Beginning(_pid, _GAINS, of_joints=True),
     "feedforward": Beginning(_feedforward, {**_units(FeedForward), **_units(PID, "feedback.")}),
     "lqg": Beginning(
         _linear_quadratic,
         {"integral": "{input}/({output} s)", "ahead": "{input}/{output}"},
         origin="gains designed on the linearised machine",
     ),
-    "fuzzy": Beginning(_fuzzy, _units(FuzzyPID)),
+    "fuzzy": Beginning(_fuzzy, _units(FuzzyPID), of_joints=True),
     "sliding-mode": Beginning(_sliding_mode, _units(SlidingMode), rates=True),
     "force": Beginning(_force, _units(ProportionalForce), origin="the gain of its source"),
 }

@@ -10,11 +10,19 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.cli.control_tasks import (
+    attached,
+    followed_columns,
+    put_together,
+    reading_of,
+    rest_of,
+    tasks,
+)
 from jaxmuscle.cli.option_values import Unit, split_option, values_of
 from jaxmuscle.cli.simulated_files import DIGITS, by_column, check_finite, start_of
-from jaxmuscle.cli.starting_controllers import Task, starting_controller
+from jaxmuscle.cli.starting_controllers import starting_controller
 from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
-from jaxmuscle.control import closed_loop, feedback_on
+from jaxmuscle.control import closed_loop
 from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameter_names import resolve
@@ -83,16 +91,15 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
     begins = starting_controller(request.controller)
     card = Card.read(request.card)
     actuator = actuator_from_card(card)
-    column = _followed(actuator, card)
-    references = {table_name(file): _reference(file, card, column) for file in request.references}
-    unseen = {table_name(file): _reference(file, card, column) for file in request.held_out}
+    columns = followed_columns(actuator)
+    references = {table_name(file): _reference(file, card, columns) for file in request.references}
+    unseen = {table_name(file): _reference(file, card, columns) for file in request.held_out}
     first = next(iter(references.values()))
     step = _sample_time(request, first)
     payloads = _payloads(request.payloads, card, actuator)
-    objective = _objective(request.objective, card, actuator, column)
-    values = np.concatenate([wanted for _, wanted in references.values()])
-    task = Task(actuator, float(np.ptp(np.append(values, 0.0))), step, card.noise.get(column, 0.0))
-    controller = begins.with_gains(task, request.gains)
+    objective = _objective(request.objective, card, actuator, columns[0])
+    given = tasks(actuator, card, [wanted for _, wanted in references.values()], step)
+    controller = put_together(actuator, begins.for_all(given, request.gains))
     begin = {**_settled(actuator, step), **start_of(request.start, card)}
     some, others = machines(card, actuator, request.draws, request.seed)
     make = ScenarioMaker(actuator, card, step, begin, payloads, begins.rates)
@@ -118,24 +125,16 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
     texts = {
         "gains.toml": tuned.to_toml(),
         "report.html": tuning_page(tuned, request.card.stem, card.rig, origin),
-        "commands.csv": _commands(actuator, card, tuned, training[0], column),
+        "commands.csv": _commands(actuator, card, tuned, training[0], columns),
     }
     return tuned, placed(texts, folder)
 
 
-def _followed(actuator: AbstractActuator, card: Card) -> str:
-    """The column that a reference is of.
-
-    Raises:
-        InputError: the rig has no control channel, or its card no such column.
-    """
-    return actuator.outputs[actuator.declared_channel().reading][0]
-
-
-def _reference(file: Path, card: Card, column: str) -> tuple[Series, Series]:
-    """A reference; straight lines lead from one of its rows to the next."""
-    time, found = read_signals(file, card, (column,), regular=False, kind="reference")
-    return time, found[column]
+def _reference(file: Path, card: Card, columns: tuple[str, ...]) -> tuple[Series, Series]:
+    """A reference, with a column for each joint of a robot; straight lines lead from a row to the next."""
+    time, found = read_signals(file, card, columns, regular=False, kind="reference")
+    values = np.stack([found[name] for name in columns], axis=-1)
+    return time, values if len(columns) > 1 else values[:, 0]
 
 
 def _sample_time(request: Request, first: tuple[Series, Series]) -> float:
@@ -186,7 +185,7 @@ def _objective(
     settings: Sequence[str], card: Card, actuator: AbstractActuator, column: str
 ) -> dict[str, float] | None:
     """Term → its size that costs one (SI); `None` without one."""
-    known, found = units(actuator, actuator.declared_channel().reading), {}
+    known, found = units(actuator, reading_of(actuator)), {}
     written = [card.columns[name].unit for name in (column, *actuator.commands)]
     for text in settings:
         name, body = split_option(text, "--objective", TERM)
@@ -205,21 +204,25 @@ def _objective(
 
 def _settled(actuator: AbstractActuator, step: float) -> dict[str, Any]:
     """Measured states after the machine has come to rest under the command of no output."""
-    rest = np.asarray(actuator.actuation().rest)
+    rest = np.asarray(rest_of(actuator))
     clock = np.arange(max(round(SETTLING / step), 2)) * step
     found = simulate(actuator, np.broadcast_to(rest, (len(clock), *rest.shape)), clock)
     check_finite(found)
     return {name: np.asarray(found.final.values[name]) for name in actuator.measured}
 
 
-def _commands(actuator: AbstractActuator, card: Card, tuned: Tuning, scenario: Scenario, column: str) -> str:
+def _commands(
+    actuator: AbstractActuator, card: Card, tuned: Tuning, scenario: Scenario, columns: tuple[str, ...]
+) -> str:
     """The run of the card's machine under the tuned controller, without noise, as a table of the card's."""
-    loop = feedback_on(actuator, tuned.controller)
+    loop = attached(actuator, tuned.controller)
     run = closed_loop(actuator, loop, scenario.reference, scenario.clock, start=scenario.start)
     given = np.asarray(run.commands).reshape(len(scenario.clock), -1)
     commands = {name: given[:, i] for i, name in enumerate(actuator.commands)}
     signals = {"time": scenario.clock, **commands, **by_column(actuator, run.readings)}
     table = signal_table(card, signals)
-    spec = card.columns[column]
-    table[f"{spec.column}_wanted"] = signal_table(card, {column: target_of(scenario.reference)})[spec.column]
+    wanted = np.reshape(target_of(scenario.reference), (len(scenario.clock), len(columns)))
+    for name, values in zip(columns, wanted.T, strict=True):
+        column = card.columns[name].column
+        table[f"{column}_wanted"] = signal_table(card, {name: values})[column]
     return table.to_csv(index=False, float_format=DIGITS, lineterminator="\n")

@@ -80,7 +80,7 @@ class ScenarioMaker:
         """A scenario for every reference, every combination of payloads and every machine.
 
         Args:
-            references: name → its clock and values.
+            references: name → its clock and values, with a column for each joint of a robot.
             seed: of the noise of the first; it grows by one from one to the next.
             first: number by which the first of the machines is called.
         """
@@ -103,10 +103,11 @@ class ScenarioMaker:
     ) -> Scenario:
         clock = np.arange(int((time[-1] - time[0]) / self.step + 1e-9) + 1) * self.step
         number, machine = draw
+        sampled = np.apply_along_axis(lambda own: np.interp(clock, time - time[0], own), 0, wanted)
         told = [name, *(f"{place.name} {quantity(value, place.unit)}" for place, value in load)]
         told += [f"machine {number}"] if machine else []
         return Scenario(
-            self._reference(np.interp(clock, time - time[0], wanted)),
+            self._reference(sampled),
             clock,
             {**machine, **{place.path: value for place, value in load}},
             self.begin,
@@ -119,8 +120,8 @@ class ScenarioMaker:
         """What the controller is told of a reference."""
         if not self.rates:
             return wanted
-        velocity = np.gradient(wanted, self.step)
-        told: Any = wanted, velocity, np.gradient(velocity, self.step)
+        velocity = np.gradient(wanted, self.step, axis=0)
+        told: Any = wanted, velocity, np.gradient(velocity, self.step, axis=0)
         return Reference(*told)
 
     def _noise(self) -> dict[str, float]:

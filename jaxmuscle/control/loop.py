@@ -83,8 +83,8 @@ def closed_loop(
         start, method, substeps: as for :func:`jaxmuscle.simulate`.
         widening: how many times as wide as it is dry friction is smoothed where a motion comes to rest, for
             the first stages of a descent; a mass that friction holds stays held. As it is when `None`.
-        derivatives: as they will be taken: in either mode ("any"); or forward, with several tangents, computed
-            apart from the values ("linearised"), which is quicker and has the same values.
+        derivatives: as they will be taken: in either mode ("any"); or forward, with several tangents,
+            computed apart from the values ("linearised"), which is quicker and has the same values.
 
     Raises:
         InputError: a rig without a command, a reference of another length or with values that are not

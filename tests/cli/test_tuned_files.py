@@ -11,10 +11,12 @@ from typer.testing import CliRunner, Result
 
 import jaxmuscle as jm
 from jaxmuscle.cli import app
-from jaxmuscle.cli.starting_controllers import Task, starting_controller
+from jaxmuscle.cli.control_tasks import Task
+from jaxmuscle.cli.starting_controllers import starting_controller
 from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card
+from jaxmuscle.robot import robot
 from jaxmuscle.samples import sample
 
 Run = Callable[..., Result]
@@ -187,6 +189,54 @@ def test_bad_input_is_told_and_nothing_is_written(run: Run, tmp_path: Path, why:
     assert outcome.exit_code == 2, outcome.output
     assert told in " ".join(outcome.stderr.split()) and "Traceback" not in outcome.stderr
     assert outcome.stdout == "" and sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """The card of a robot, and a reference of its two joints beside it."""
+    wanted = {"time": TIME, "angle_1": 0.2 * (1 - np.cos(5 * TIME)), "angle_2": 0.3 * np.sin(4 * TIME)}
+    pd.DataFrame(wanted).to_csv(tmp_path / "both.csv", index=False)
+    held = {f"command_{i + 1}": np.full(150, bench.AMBIENT + 2.5e5) for i in range(4)}
+    held |= {f"pressure_{i + 1}": np.full(150, bench.AMBIENT + 2.5e5) for i in range(4)}
+    columns = {**held, "angle_1": wanted["angle_1"], "angle_2": wanted["angle_2"]}
+    recording = jm.recording(robot(0.5), columns, 0.004, noise={"angle_1": 4e-4})
+    (tmp_path / "arm.toml").write_text(recording.card.to_toml(), encoding="utf-8")
+    return tmp_path / "arm.toml"
+
+
+@pytest.mark.slow
+def test_both_joints_of_a_robot_are_tuned_from_the_command_line(run: Run, arm: Path) -> None:
+    outcome = run(
+        "tune", arm, "--reference", "both.csv", "--payload", "payload=0,1", "--objective", "tracking=0.01",
+        "--gain", "proportional=1e6", "--gain", "joints[1].proportional=3e5", "--draws", "0",
+        "--starts", "1", "--steps", "3", "--out", "here",
+    )  # fmt: skip
+    assert outcome.exit_code == 0, outcome.stderr
+    tuned = jm.tuning.Tuning.load("here/gains.toml")
+    assert {name: gain.start for name, gain in tuned.gains.items()} == pytest.approx(
+        {"joints[0].proportional": 1e6, "joints[1].proportional": 3e5}
+    )
+    assert tuned.after.cost < tuned.before.cost and len(tuned.after.terms) == 2
+    table, wanted = pd.read_csv("here/commands.csv"), pd.read_csv("both.csv")
+    for name in ("angle_1", "angle_2"):
+        np.testing.assert_allclose(table[f"{name}_wanted"], wanted[name], atol=1e-9)
+        assert np.abs(table[name] - wanted[name]).max() < 0.5
+    assert (table["command_1"] + table["command_2"]).to_numpy() == pytest.approx(2 * (bench.AMBIENT + 2.5e5))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (("--controller", "sliding-mode"), "expected pid or fuzzy for each joint of rig 'scara'"),
+        (("--gain", "joints[2].proportional=1"), "expected joints[0].NAME=… or joints[1].NAME=…"),
+        (("--gain", "joints[1].kp=1"), "--gain: unknown gain 'kp'"),
+    ],
+)
+def test_what_is_wrong_with_a_robots_controllers_is_told(run: Run, arm: Path, given, told: str) -> None:
+    outcome = run("tune", arm, "--reference", "both.csv", *given)
+    assert outcome.exit_code == 2 and told in " ".join(outcome.stderr.split()), outcome.stderr
+    one = run("tune", arm, "--reference", "wave.csv")
+    assert one.exit_code == 2 and "angle_1" in one.stderr
 
 
 def test_a_rig_whose_commands_have_no_limit_asks_for_a_gain() -> None:
