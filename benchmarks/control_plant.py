@@ -65,7 +65,8 @@ class Loop:
         factors: constant of the machine → by how much it is multiplied in practice; unseen: by how much in
             the runs that prove; drawn: between which two factors in drawn plants.
         run: oracle under a controller: (plant, loop, answer) → readings, answer being reading → commands.
-        kind: what is tuned, in words; begun: (loop, model, PID by rule) → it, before it is tuned.
+        kind: what is tuned, in words; begun: (loop, model, PID by rule) → it before it is tuned, in several
+            forms; the one that costs least on the model is taken.
     """
 
     rig: str
@@ -86,7 +87,7 @@ class Loop:
     drawn_factors: Mapping[str, tuple[float, float]]
     run: Callable[[Plant, Loop, Callable[[float], Any]], Series]
     kind: str = "PID"
-    begun: Callable[[Loop, Any, PID], Begun] = lambda loop, machine, rule: Begun(rule)
+    begun: Callable[[Loop, Any, PID], Sequence[Begun]] = lambda loop, machine, rule: [Begun(rule)]
 
     @property
     def step(self) -> float:
@@ -211,15 +212,17 @@ def by_rule(loop: Loop, machine: Any) -> PID:
 
 def tuned_on(loop: Loop, machine: Any, rule: PID) -> jm.tuning.Tuning:
     """Gains tuned on a model with payloads, and supply pressures where it has a supply."""
-    controller, starts, free = loop.begun(loop, machine, rule)
     over = {
         name: [float(jm.parameters.get(machine, name)) * by for by in factors]
         for name, factors in loop.factors.items()
     }
     settings = {"start": loop.start, "noise": {loop.reading: loop.noise}}
     practice = jm.tuning.grid(list(loop.practice), loop.times, over, **settings)
-    attached = feedback_on(machine, controller, **loop.settings)
-    return jm.tune(machine, attached, practice, loop.sizes, worst=4, starts=starts, free=free)
+    found = []
+    for controller, starts, free in loop.begun(loop, machine, rule):
+        attached = feedback_on(machine, controller, **loop.settings)
+        found.append(jm.tune(machine, attached, practice, loop.sizes, worst=4, starts=starts, free=free))
+    return min(found, key=lambda tuning: tuning.after.cost)
 
 
 def together(runs: Sequence[Proved]) -> Proved:
