@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from blind_recordings import SUBSTEPS
-from control_plant import Begun, Loop, Plant, Series
+from control_plant import Begun, Gains, Loop, Plant, Series, tuned_from
 from oracles.isotonic import isotonic  # pyright: ignore[reportMissingImports]
 from oracles.joint import joint  # pyright: ignore[reportMissingImports]
 
@@ -66,19 +66,26 @@ share of the rate that goes ahead of what a ramp asks for.
 
 def by_state_feedback(loop: Loop, machine: Any, rule: PID) -> list[Begun]:
     """State feedback with an observer, of the lifted mass without friction, in designs of several efforts;
-    and of the mass without any effect, whose observer has fewer states.
+    and of the mass without any other effect, whose observer has fewer states.
+
+    The descent from the latter begins, too, where one on the model with dry friction alone ends: effects such
+    as a limited rate make the cost rough.
     """
     smooth = without_dry_friction(machine)
-    bare = dataclasses.replace(smooth, effects={})
-    return [_designed(loop, model) for model in ((smooth, bare) if smooth.effects else (bare,))]
+    if not smooth.effects:
+        return [Begun(*_designed(loop, smooth))]
+    dry = {name: effect for name, effect in machine.effects.items() if name not in smooth.effects}
+    controller, starts, free = _designed(loop, dataclasses.replace(smooth, effects={}))
+    ahead = tuned_from(loop, dataclasses.replace(machine, effects=dry), Begun(controller, starts, free))
+    return [Begun(*_designed(loop, smooth)), Begun(controller, [*starts, dict(ahead.values)], free)]
 
 
-def _designed(loop: Loop, smooth: Any) -> Begun:
-    """State feedback of a model without dry friction."""
+def _designed(loop: Loop, smooth: Any) -> tuple[Any, list[Gains], Sequence[str]]:
+    """State feedback of a model without dry friction: controller, gains of several designs, those free."""
     about = loop.relay[2]
     point = equilibrium_at(smooth, loop.reading, about, start={"pressure": 3 * AMBIENT, loop.reading: about})
     sizes: dict[str, Any] = {"error": 1e-3, "noise": 1e-4, "disturbance": 1.0, "ramps": True, "point": point}
-    free, starts = ("feedback", "observer", "integral", "ahead", "ahead_rate"), []
+    free, starts = ("feedback", "observer", "integral", "ahead", "ahead_rate"), list[Gains]()
     for effort, integral_time, share in EFFORTS:
         made = linear_quadratic(smooth, loop.step, effort=effort, integral_time=integral_time, **sizes)
         rate = share * float(made.ahead_rate)
@@ -88,7 +95,7 @@ def _designed(loop: Loop, smooth: Any) -> Begun:
             gains |= {f"{name}[{i}]": value for i, value in enumerate(own)}
         starts.append(gains)
     middle = linear_quadratic(smooth, loop.step, effort=1.0, integral_time=1.0, **sizes)
-    return Begun(middle, starts, free)
+    return middle, starts, free
 
 
 JOINT = Loop(
@@ -105,7 +112,7 @@ JOINT = Loop(
     unseen=(raised(TIMES, -0.4, 0.4), risen(TIMES, 0.35, 0.5)),
     swing=0.05,
     hidden={1: "gravity", 41: "load_friction", 106: "load_friction"},
-    factors={"inertia": (1.0, 2.0)},
+    factors={"inertia": (0.5, 1.0, 2.0)},
     unseen_factors=tuple({"inertia": by} for by in (1.0, 1.5, 2.0)),
     drawn_factors={"inertia": (1.0, 2.0), "mean_pressure": (0.8, 1.2)},
     run=_turned,
@@ -114,7 +121,8 @@ JOINT = Loop(
 
 The size of the effort was tuned on the first two plants themselves: with 1e4 Pa what was tuned spent 3 % more
 than the rule on the one with friction, without the term 9 %, with a quarter of the rule's tracking error. The
-third was drawn after that.
+third was drawn after that; since one of 100 plants drawn around it, with 0.42 of its inertia, was left
+swinging, half of the inertia is tuned on, too: a card may be that unsure of it.
 """
 LIFT = Loop(
     rig="isotonic",

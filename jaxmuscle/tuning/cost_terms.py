@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from jaxtyping import Array, Bool, Float
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.variables import rate_unit
 from jaxmuscle.control.loop import ClosedLoop
+from jaxmuscle.control.sliding_mode import target_of
 from jaxmuscle.errors import InputError, nearest
 
 BAND, EDGE = 0.02, 0.2
@@ -116,8 +118,20 @@ TERMS: dict[str, Callable[[Seen], Array]] = {
 }
 """Name → function whose sum of squares is the square of the term's value."""
 
-Given = Mapping[str, float] | Callable[[ClosedLoop, Any], Array]
-"""Term → the size of it that costs one; or a function of a run and its reference."""
+Function = Callable[[ClosedLoop, Any], Array] | Callable[[ClosedLoop, Any, Any], Array]
+"""A function of a run and its reference, or of these and the machine that ran."""
+Given = Mapping[str, float] | Function
+"""Term → the size of it that costs one; or a function."""
+
+
+def takes_the_machine(function: Function) -> bool:
+    """Whether a function has a third argument, for the machine, that has no value without it."""
+    try:
+        given = inspect.signature(function).parameters.values()
+    except ValueError:  # not every callable tells
+        return False
+    plain = [p for p in given if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    return len([p for p in plain if p.default is p.empty]) == 3
 
 
 class Objective(eqx.Module):
@@ -125,14 +139,14 @@ class Objective(eqx.Module):
 
     Attributes:
         sizes: term → the value of it that costs one (SI).
-        function: (run, reference) → residuals, whose squares add up to the cost, or one number, the cost
-            itself, not below zero; `None` for named terms.
+        function: (run, reference), or (run, reference, machine) → residuals, whose squares add up to the
+            cost, or one number, the cost itself, not below zero; `None` for named terms.
         reading: that follows the reference; rest: command that costs no effort.
         squares: whether the cost is a sum of squares.
     """
 
     sizes: dict[str, Float[Array, ""]]
-    function: Callable[[ClosedLoop, Any], Array] | None = eqx.field(static=True)
+    function: Function | None = eqx.field(static=True)
     reading: str | None = eqx.field(static=True)
     rest: Array
     squares: bool = eqx.field(static=True, default=True)
@@ -159,11 +173,18 @@ class Objective(eqx.Module):
         return {name: jnp.sqrt(jnp.sum(term(seen) ** 2)) for name, term in known.items()}
 
     def residuals(
-        self, loop: ClosedLoop, reference: Any, target: Any, counts: Array, disturbed: Array | None
+        self,
+        machine: AbstractActuator,
+        loop: ClosedLoop,
+        reference: Any,
+        counts: Array,
+        disturbed: Array | None = None,
     ) -> Array:
-        """What the cost is made of: numbers whose squares add up to it, or the cost."""
+        """What the cost of a machine's run is made of: numbers whose squares add up to it, or the cost."""
         if self.function is not None:
-            return jnp.asarray(self.function(loop, reference))
+            given: Any = (loop, reference, machine) if takes_the_machine(self.function) else (loop, reference)
+            return jnp.asarray(self.function(*given))
+        target = target_of(reference)
         seen = self.seen(loop, target, counts, disturbed)
         parts = [jnp.atleast_1d(TERMS[name](seen)) / size for name, size in self.sizes.items()]
         return jnp.concatenate(parts)

@@ -88,7 +88,7 @@ class Rig(eqx.Module):
         reference = case.told.reference
         loop = self.run(gains, case, derivatives)
         disturbed = self.disturbed(gains, case)
-        return self.objective.residuals(loop, reference, target_of(reference), case.counts, disturbed)
+        return self.objective.residuals(self.actuator, loop, reference, case.counts, disturbed)
 
     def disturbed(self, gains: Array, case: Case) -> Array | None:
         """Largest sensitivity of the linearised loop, where the objective asks for it."""
@@ -144,7 +144,7 @@ def _seen(rig: Rig, gains: Array, cases: Case) -> Seen:
         own, reference = rig.within(case), case.told.reference
         loop, target = own.run(gains, case), target_of(reference)
         disturbed, objective = own.disturbed(gains, case), own.objective
-        cost = objective.cost(objective.residuals(loop, reference, target, case.counts, disturbed))
+        cost = objective.cost(objective.residuals(own.actuator, loop, reference, case.counts, disturbed))
         terms = objective.values(loop, target, case.counts, disturbed)
         return Seen(cost, terms, loop.readings, loop.commands)
 

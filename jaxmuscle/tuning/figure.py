@@ -15,6 +15,9 @@ from jaxmuscle.formatting import printed_unit
 from jaxmuscle.tuning.scenario_costs import Judged
 
 INK, BEFORE, AFTER = "#22272e", "#6b7280", "#d9531e"
+COLOURS = {"reference": INK, "before": BEFORE, "after": AFTER}
+STYLES = "-", "--", ":"
+"""Lines of the readings of a robot's joints, one after the other."""
 
 
 def plot(
@@ -50,18 +53,25 @@ def _lines(axes: Axes, table: pd.DataFrame, unit: str, command: bool) -> None:
     size, printed = printed_unit(unit, float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
     labelled = set()
     for name in own:
-        kind = name if name == "reference" else name.split()[-1]
-        colour = INK if name == "reference" else BEFORE if kind == "before" else AFTER
-        width = 1.4 if name == "reference" else 1.0
+        signal, *when = name.split()
+        kind = when[0] if when else "reference"
+        colour, width = COLOURS[kind], 1.0 if when else 1.4
         # Several commands are told apart by eye; one label for all of them leaves room for the curves.
         label = None if kind in labelled else kind
         labelled.add(kind)
-        axes.plot(table.index, table[name] / size, color=colour, linewidth=width, label=label)
+        style = "-" if command else STYLES[_number(signal) % len(STYLES)]
+        axes.plot(table.index, table[name] / size, style, color=colour, linewidth=width, label=label)
     axes.set_ylabel(f"{'command' if command else 'reading'} [{printed or '-'}]")
     axes.set_xlabel("time [s]")
     if not command:
         axes.legend(frameon=False, fontsize=8, loc="upper right", ncols=3, borderaxespad=0.1)
         axes.margins(y=0.14)
+
+
+def _number(signal: str) -> int:
+    """Which of several equal signals it is, from 0 on: 1 of "angle_2"."""
+    last = signal.rpartition("_")[2]
+    return int(last) - 1 if last.isdecimal() else 0
 
 
 def _terms(axes: Axes, units: Mapping[str, str], before: Judged, after: Judged) -> None:

@@ -67,7 +67,7 @@ class Planning(eqx.Module):
         def of(case: Case) -> tuple[Array, Array]:
             own, loop = self.run(x, case)
             target = case.told.reference
-            residuals = own.objective.residuals(loop, target, target, case.counts, None)
+            residuals = own.objective.residuals(own.actuator, loop, target, case.counts)
             over = [part.ravel() for part in self.excess(loop).values()]
             return residuals, jnp.concatenate(over) if over else jnp.zeros(0)
 

@@ -129,19 +129,24 @@ def _traces(
         counts = np.asarray(scenarios.cases.counts)[rows[own]]
         target = target_of(scenarios.cases.told.reference)
         columns: dict[str, Any] = {}
-        if hasattr(target, "shape") and target.ndim == 2:
-            columns["reference"] = np.asarray(target)[rows[own]]
+        if hasattr(target, "shape"):
+            columns |= _numbered("reference", np.asarray(target)[rows[own]])
         for when, seen in (("before", before), ("after", after)):
             followed = rig.objective.reading
             shown = {n: v for n, v in seen.readings.items() if followed in (None, n)}
             for name, values in [*shown.items(), ("command", seen.commands)]:
-                table = np.asarray(values)[own].reshape(scenarios.samples, -1)
-                for i, column in enumerate(table.T):
-                    columns[f"{name}{f'_{i + 1}' if table.shape[1] > 1 else ''} {when}"] = column
+                own_columns = _numbered(name, np.asarray(values)[own])
+                columns |= {f"{column} {when}": each for column, each in own_columns.items()}
         time = pd.Index(scenarios.step * np.arange(scenarios.samples), name="time")
         name = f"{title}: {scenarios.names[rows[own]]}"
         found[name] = pd.DataFrame(columns, index=time)[counts]
     return found
+
+
+def _numbered(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of one signal; several are numbered from 1 on."""
+    table = values.reshape(len(values), -1)
+    return {f"{name}{f'_{i + 1}' if table.shape[1] > 1 else ''}": own for i, own in enumerate(table.T)}
 
 
 def _instability(names: Sequence[str]) -> list[str]:

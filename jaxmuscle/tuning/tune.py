@@ -83,8 +83,9 @@ def tune(
             "sensitivity" (1 over the modulus margin of the loop, linearised at rest under an output of zero
             and without dry friction: :func:`~jaxmuscle.control.margins`; infinite of an unstable loop, so
             that gains with which it is stable are kept to wherever there are any); or a function
-            (run, reference) → residuals, whose squares add up to the cost of a scenario, or that
-            cost as one number, not below zero. By default tracking, 1 % of the range of the references.
+            (run, reference), or (run, reference, machine of the scenario) → residuals, whose squares add up
+            to the cost of a scenario, or that cost as one number, not below zero. By default tracking, 1 %
+            of the range of the references.
         held_out: scenarios for the last word.
         free: gains that are tuned, entries of arrays as ``layers[0].weight[1,2]``; when `None` those that
             the controller names in `gains`, without parameters that are zero, else all its arrays.

@@ -218,8 +218,8 @@ def _view(tuned: Tuning) -> View:
 
 def _traced(table: pd.DataFrame) -> list[Sparkline]:
     """Reference and first reading before the tuning, and after it."""
-    reference = [table["reference"]] if "reference" in table else []
-    readings = [name for name in table if name != "reference" and not str(name).startswith("command")]
+    reference = [table[name] for name in table if str(name).startswith("reference")][:1]
+    readings = [name for name in table if not str(name).startswith(("reference", "command"))]
     firsts = (next(name for name in readings if str(name).endswith(when)) for when in ("before", "after"))
     return [Sparkline(*reference, table[name]) for name in firsts]
 

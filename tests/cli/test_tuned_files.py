@@ -13,6 +13,7 @@ import jaxmuscle as jm
 from jaxmuscle.cli import app
 from jaxmuscle.cli.control_tasks import Task
 from jaxmuscle.cli.starting_controllers import starting_controller
+from jaxmuscle.cli.tuned_files import Request, tuned_files
 from jaxmuscle.cli.tuning_scenarios import ScenarioMaker, machines
 from jaxmuscle.errors import InputError
 from jaxmuscle.recordings import Card
@@ -205,19 +206,24 @@ def arm(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_both_joints_of_a_robot_are_tuned_from_the_command_line(run: Run, arm: Path) -> None:
-    outcome = run(
-        "tune", arm, "--reference", "both.csv", "--payload", "payload=0,1", "--objective", "tracking=0.01",
-        "--gain", "proportional=1e6", "--gain", "joints[1].proportional=3e5", "--draws", "0",
-        "--starts", "1", "--steps", "3", "--out", "here",
+def test_both_joints_of_a_robot_are_tuned_from_the_command_line(arm: Path, tmp_path: Path) -> None:
+    request = Request(
+        arm, "pid", [tmp_path / "both.csv"], payloads=["payload=0,1"], objective=["tracking=0.01"], draws=0,
+        gains=["proportional=1e6", "joints[1].proportional=3e5"], starts=1, steps=3,
     )  # fmt: skip
-    assert outcome.exit_code == 0, outcome.stderr
-    tuned = jm.tuning.Tuning.load("here/gains.toml")
+    tuned, files = tuned_files(request, tmp_path / "here", lambda line: None)
     assert {name: gain.start for name, gain in tuned.gains.items()} == pytest.approx(
         {"joints[0].proportional": 1e6, "joints[1].proportional": 3e5}
     )
     assert tuned.after.cost < tuned.before.cost and len(tuned.after.terms) == 2
-    table, wanted = pd.read_csv("here/commands.csv"), pd.read_csv("both.csv")
+    trace = next(iter(tuned.traces.values()))
+    assert [str(name) for name in trace][:4] == [
+        "reference_1",
+        "reference_2",
+        "angle_1 before",
+        "angle_2 before",
+    ]
+    table, wanted = pd.read_csv(files[2]), pd.read_csv(request.references[0])
     for name in ("angle_1", "angle_2"):
         np.testing.assert_allclose(table[f"{name}_wanted"], wanted[name], atol=1e-9)
         assert np.abs(table[name] - wanted[name]).max() < 0.5

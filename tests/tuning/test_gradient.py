@@ -95,6 +95,25 @@ def sum_of_squares(run, reference):
     return jnp.sum(residuals(run, reference) ** 2)
 
 
+def test_an_objective_may_look_at_the_machine_of_a_scenario():
+    times, inertias = 0.01 * np.arange(40), [2e-4, 4e-4]
+    scenarios = jm.tuning.grid(
+        150 + 20 * np.sin(5 * times), times, {"inertia": inertias}, start={"speed": 150.0}
+    )
+
+    def energy(run, reference, machine):
+        return machine.inertia / 1e-4 * (run.readings["speed"] - reference)
+
+    both = [prepared(fan(), built(PID, 0.05), scenarios, function) for function in (energy, residuals)]
+    own, plain = (each.seen(each.unknowns.start, each.rows).cost for each in both)
+    np.testing.assert_allclose(own, np.square([2.0, 4.0]) * plain, rtol=1e-12)
+    # A default of the user's own is no place for the machine.
+    alike = prepared(
+        fan(), built(PID, 0.05), scenarios, lambda run, wanted, by=1.0: by * residuals(run, wanted)
+    )
+    np.testing.assert_allclose(alike.seen(alike.unknowns.start, alike.rows).cost, plain, rtol=1e-12)
+
+
 @pytest.mark.slow
 def test_a_wider_friction_is_smoother_and_has_its_slopes():
     light = robot_joint(0.03)
