@@ -211,21 +211,20 @@ def by_rule(loop: Loop, machine: Any) -> PID:
 
 
 def tuned_on(loop: Loop, machine: Any, rule: PID) -> jm.tuning.Tuning:
-    """Gains tuned on a model, in the form that costs least on it."""
-    found = [tuned_from(loop, machine, begun) for begun in loop.begun(loop, machine, rule)]
-    return min(found, key=lambda tuning: tuning.after.cost)
-
-
-def tuned_from(loop: Loop, machine: Any, begun: Begun) -> jm.tuning.Tuning:
-    """Gains tuned on a model with payloads, and supply pressures where it has a supply."""
+    """Gains tuned on a model with payloads, and supply pressures where it has a supply; in the form that
+    costs least on it.
+    """
     over = {
         name: [float(jm.parameters.get(machine, name)) * by for by in factors]
         for name, factors in loop.factors.items()
     }
     settings = {"start": loop.start, "noise": {loop.reading: loop.noise}}
     practice = jm.tuning.grid(list(loop.practice), loop.times, over, **settings)
-    attached = feedback_on(machine, begun.controller, **loop.settings)
-    return jm.tune(machine, attached, practice, loop.sizes, worst=4, starts=begun.starts, free=begun.free)
+    found = []
+    for controller, starts, free in loop.begun(loop, machine, rule):
+        attached = feedback_on(machine, controller, **loop.settings)
+        found.append(jm.tune(machine, attached, practice, loop.sizes, worst=4, starts=starts, free=free))
+    return min(found, key=lambda tuning: tuning.after.cost)
 
 
 def together(runs: Sequence[Proved]) -> Proved:
