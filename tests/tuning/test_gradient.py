@@ -17,7 +17,7 @@ from jaxmuscle.control import PID, feedback_on
 from jaxmuscle.robot.tondu2000 import MEAN_PRESSURE, robot_joint
 from jaxmuscle.tuning.cases import stacked
 from jaxmuscle.tuning.cost_terms import Objective
-from jaxmuscle.tuning.evaluation import Evaluation, Rig
+from jaxmuscle.tuning.evaluation import MANY, Evaluation, Rig, _forward
 from jaxmuscle.tuning.gains import gains_of
 from jaxmuscle.tuning.tune import prepared
 
@@ -63,6 +63,19 @@ def test_slopes_of_the_cost_equal_finite_differences(evaluation, order):
             difference, abs=1e-7 * float(np.linalg.norm(here.gradient))
         )
     assert np.linalg.eigvalsh(here.matrix).min() > 0
+
+
+@pytest.mark.slow
+def test_derivatives_are_the_same_apart_from_the_values(evaluation):
+    """From four scenarios a program on they are computed so: with dry friction, saturation and noise."""
+    gains, cases = jnp.asarray(evaluation.unknowns.start), evaluation.stacked.cases
+    assert len(cases.counts) == MANY
+    apart = _forward(evaluation.rig, gains, cases)
+    halves = [jax.tree.map(lambda leaf, own=own: leaf[own], cases) for own in (slice(0, 2), slice(2, 4))]
+    beside = [_forward(evaluation.rig, gains, half) for half in halves]
+    for one, parts in zip(apart, zip(*beside, strict=True), strict=True):
+        other = np.concatenate(parts)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * float(np.abs(other).max()))
 
 
 def test_the_runs_are_saturated_and_stick(evaluation):
