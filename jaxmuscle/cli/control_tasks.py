@@ -1,5 +1,5 @@
-"""What a controller of the command line is for: the columns that follow references, ranges, how it is put on
-a rig with one control channel, or on each joint of a robot.
+"""What controllers of the command line are put on, a rig's control channel or each joint of a robot, and what
+each of them is for.
 """
 
 from __future__ import annotations
@@ -33,27 +33,20 @@ class Task:
     Attributes:
         range: of the references and zero (SI).
         noise: standard deviation of the reading (SI); 0 where it is not known.
-        joint: of a robot, from 0 on; `None` on a rig with one control channel.
+        joint: what the output does to the commands where it is that of a robot's joint; `None` on a rig with
+            one control channel.
     """
 
     actuator: AbstractActuator
     range: float
     step: float
     noise: float = 0.0
-    joint: int | None = None
-
-    @property
-    def actuation(self) -> Actuation:
-        """What the output does to the commands."""
-        if self.joint is None or not isinstance(self.actuator, Scara):
-            return self.actuator.actuation()
-        acts = self.actuator.joint_actuation()
-        return Actuation(acts.rest, acts.direction[self.joint], acts.lowest, acts.highest)
+    joint: Actuation | None = None
 
     @property
     def span(self) -> float:
         """Range of a controller's output within which no command is limited; infinite where none is."""
-        lowest, highest = output_limits(self.actuation)
+        lowest, highest = output_limits(self.actuator.actuation() if self.joint is None else self.joint)
         return float(highest - lowest)
 
     def unit(self, unit: str) -> str:
@@ -84,51 +77,58 @@ class Task:
             check_units(self.actuator, kind)
 
 
-def reading_of(actuator: AbstractActuator) -> str:
-    """The reading that follows references.
+@dataclasses.dataclass(frozen=True)
+class ControlledColumns:
+    """What references are of, and how controllers are put on it.
+
+    Attributes:
+        reading: that follows references; columns: those of it, one for each controller.
+        joints: what the output of each joint's controller does to the commands of a robot; none on a rig with
+            one control channel.
+        rest: commands at which every controller gives nothing.
+    """
+
+    actuator: AbstractActuator
+    reading: str
+    columns: tuple[str, ...]
+    joints: tuple[Actuation, ...]
+    rest: Any
+
+    def tasks(self, card: Card, references: Sequence[Series], step: float) -> list[Task]:
+        """What each controller is for.
+
+        Args:
+            references: values of each, of shape (samples,) or (samples, columns) (SI).
+            step: sample time [s].
+        """
+        values = np.concatenate([np.reshape(wanted, (-1, len(self.columns))) for wanted in references])
+        return [
+            Task(self.actuator, float(np.ptp(np.append(own, 0.0))), step, card.noise.get(name, 0.0), joint)
+            for name, own, joint in zip(self.columns, values.T, self.joints or (None,), strict=True)
+        ]
+
+    def together(self, controllers: Sequence[Any]) -> Any:
+        """What :func:`jaxmuscle.tune` takes: the one controller, or those of the joints side by side."""
+        if isinstance(self.actuator, Scara):
+            return independent_joints(self.actuator, controllers)
+        return controllers[0]
+
+    def attached(self, controller: Any) -> Any:
+        """Such a controller as a closed loop takes it."""
+        return controller if self.joints else feedback_on(self.actuator, controller)
+
+
+def controlled_columns(actuator: AbstractActuator) -> ControlledColumns:
+    """What controllers are put on.
 
     Raises:
         InputError: the rig has no control channel and is no robot.
     """
-    return IndependentJoints.reading if isinstance(actuator, Scara) else actuator.declared_channel().reading
-
-
-def followed_columns(actuator: AbstractActuator) -> tuple[str, ...]:
-    """The columns that references are of: one, or one for each joint of a robot.
-
-    Raises:
-        InputError: as for :func:`reading_of`.
-    """
-    columns = actuator.outputs[reading_of(actuator)]
-    return tuple(columns) if isinstance(actuator, Scara) else (columns[0],)
-
-
-def tasks(actuator: AbstractActuator, card: Card, references: Sequence[Series], step: float) -> list[Task]:
-    """What each controller is for, one a column.
-
-    Args:
-        references: values of each, of shape (samples,) or (samples, columns) (SI).
-        step: sample time [s].
-    """
-    columns = followed_columns(actuator)
-    values = np.concatenate([np.reshape(wanted, (-1, len(columns))) for wanted in references])
-    joints = range(len(columns)) if isinstance(actuator, Scara) else [None]
-    return [
-        Task(actuator, float(np.ptp(np.append(own, 0.0))), step, card.noise.get(name, 0.0), joint)
-        for name, own, joint in zip(columns, values.T, joints, strict=True)
-    ]
-
-
-def rest_of(actuator: AbstractActuator) -> Any:
-    """Commands at which every controller gives nothing."""
-    return (actuator.joint_actuation() if isinstance(actuator, Scara) else actuator.actuation()).rest
-
-
-def put_together(actuator: AbstractActuator, controllers: Sequence[Any]) -> Any:
-    """What :func:`jaxmuscle.tune` takes: the one controller, or those of a robot's joints side by side."""
-    return independent_joints(actuator, controllers) if isinstance(actuator, Scara) else controllers[0]
-
-
-def attached(actuator: AbstractActuator, controller: Any) -> Any:
-    """A controller as a closed loop takes it."""
-    return controller if isinstance(actuator, Scara) else feedback_on(actuator, controller)
+    if isinstance(actuator, Scara):
+        acts, reading = actuator.joint_actuation(), IndependentJoints.reading
+        joints = tuple(Actuation(acts.rest, own, acts.lowest, acts.highest) for own in acts.direction)
+        return ControlledColumns(actuator, reading, tuple(actuator.outputs[reading]), joints, acts.rest)
+    reading = actuator.declared_channel().reading
+    return ControlledColumns(
+        actuator, reading, (actuator.outputs[reading][0],), (), actuator.actuation().rest
+    )

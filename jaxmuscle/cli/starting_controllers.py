@@ -134,12 +134,10 @@ class Beginning:
         if all(task.joint is None for task in tasks):
             return [self.with_gains(task, settings) for task in tasks]
         if not self.of_joints:
-            fitting, rig = (
-                [name for name, each in CONTROLLERS.items() if each.of_joints],
-                tasks[0].actuator.rig,
-            )
+            fitting = [name for name, each in CONTROLLERS.items() if each.of_joints]
+            rig = tasks[0].actuator.rig
             raise InputError(f"--controller: expected {' or '.join(fitting)} for each joint of rig {rig!r}")
-        places = [f"joints[{task.joint}]." for task in tasks]
+        places = [f"joints[{number}]." for number in range(len(tasks))]
         if unknown := [s for s in settings if s.startswith("joints[") and not s.startswith(tuple(places))]:
             raise InputError(f"--gain {unknown[0]}: expected {' or '.join(f'{p}NAME=…' for p in places)}")
         own = [_of_joint(settings, place) for place in places]

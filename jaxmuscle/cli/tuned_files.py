@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.cli.control_tasks import (
-    attached,
-    followed_columns,
-    put_together,
-    reading_of,
-    rest_of,
-    tasks,
-)
+from jaxmuscle.cli.control_tasks import ControlledColumns, controlled_columns
 from jaxmuscle.cli.option_values import Unit, split_option, values_of
 from jaxmuscle.cli.simulated_files import DIGITS, by_column, check_finite, start_of
 from jaxmuscle.cli.starting_controllers import starting_controller
@@ -91,16 +84,16 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
     begins = starting_controller(request.controller)
     card = Card.read(request.card)
     actuator = actuator_from_card(card)
-    columns = followed_columns(actuator)
-    references = {table_name(file): _reference(file, card, columns) for file in request.references}
-    unseen = {table_name(file): _reference(file, card, columns) for file in request.held_out}
+    controlled = controlled_columns(actuator)
+    references = {table_name(f): _reference(f, card, controlled.columns) for f in request.references}
+    unseen = {table_name(f): _reference(f, card, controlled.columns) for f in request.held_out}
     first = next(iter(references.values()))
     step = _sample_time(request, first)
     payloads = _payloads(request.payloads, card, actuator)
-    objective = _objective(request.objective, card, actuator, columns[0])
-    given = tasks(actuator, card, [wanted for _, wanted in references.values()], step)
-    controller = put_together(actuator, begins.for_all(given, request.gains))
-    begin = {**_settled(actuator, step), **start_of(request.start, card)}
+    objective = _objective(request.objective, card, controlled)
+    tasks = controlled.tasks(card, [wanted for _, wanted in references.values()], step)
+    controller = controlled.together(begins.for_all(tasks, request.gains))
+    begin = {**_settled(controlled, step), **start_of(request.start, card)}
     some, others = machines(card, actuator, request.draws, request.seed)
     make = ScenarioMaker(actuator, card, step, begin, payloads, begins.rates)
     training = make.scenarios(references, [{}, *some], request.seed)
@@ -125,7 +118,7 @@ def tuned_files(request: Request, folder: Path, progress: Callable[[str], None])
     texts = {
         "gains.toml": tuned.to_toml(),
         "report.html": tuning_page(tuned, request.card.stem, card.rig, origin),
-        "commands.csv": _commands(actuator, card, tuned, training[0], columns),
+        "commands.csv": _commands(controlled, card, tuned, training[0]),
     }
     return tuned, placed(texts, folder)
 
@@ -181,12 +174,11 @@ def _payloads(
     return found
 
 
-def _objective(
-    settings: Sequence[str], card: Card, actuator: AbstractActuator, column: str
-) -> dict[str, float] | None:
+def _objective(settings: Sequence[str], card: Card, controlled: ControlledColumns) -> dict[str, float] | None:
     """Term → its size that costs one (SI); `None` without one."""
-    known, found = units(actuator, reading_of(actuator)), {}
-    written = [card.columns[name].unit for name in (column, *actuator.commands)]
+    actuator = controlled.actuator
+    known, found = units(actuator, controlled.reading), {}
+    written = [card.columns[name].unit for name in (controlled.columns[0], *actuator.commands)]
     for text in settings:
         name, body = split_option(text, "--objective", TERM)
         if name not in TERMS:
@@ -202,20 +194,19 @@ def _objective(
     return found or None
 
 
-def _settled(actuator: AbstractActuator, step: float) -> dict[str, Any]:
+def _settled(controlled: ControlledColumns, step: float) -> dict[str, Any]:
     """Measured states after the machine has come to rest under the command of no output."""
-    rest = np.asarray(rest_of(actuator))
+    actuator, rest = controlled.actuator, np.asarray(controlled.rest)
     clock = np.arange(max(round(SETTLING / step), 2)) * step
     found = simulate(actuator, np.broadcast_to(rest, (len(clock), *rest.shape)), clock)
     check_finite(found)
     return {name: np.asarray(found.final.values[name]) for name in actuator.measured}
 
 
-def _commands(
-    actuator: AbstractActuator, card: Card, tuned: Tuning, scenario: Scenario, columns: tuple[str, ...]
-) -> str:
+def _commands(controlled: ControlledColumns, card: Card, tuned: Tuning, scenario: Scenario) -> str:
     """The run of the card's machine under the tuned controller, without noise, as a table of the card's."""
-    loop = attached(actuator, tuned.controller)
+    actuator, columns = controlled.actuator, controlled.columns
+    loop = controlled.attached(tuned.controller)
     run = closed_loop(actuator, loop, scenario.reference, scenario.clock, start=scenario.start)
     given = np.asarray(run.commands).reshape(len(scenario.clock), -1)
     commands = {name: given[:, i] for i, name in enumerate(actuator.commands)}
