@@ -32,7 +32,7 @@ FORCE, LOOSE, ALONG = 10.0, 1.0, 5e-3
 """Force with which the tip is to lean on the pane, error of it that costs one [N], distance along it that
 does [m]."""
 SETTLED = 0.5
-"""Time after which the force counts [s]: the robot begins at rest behind the pane."""
+"""Time after which the force counts [s]: the robot begins at rest where it touches the pane."""
 SPEED = 0.1
 """Along the pane where gains are tuned [m/s]."""
 TUNED_ON = {"pane.stiffness": [0.8e3, 5e3], "payload": [0.0, 1.0]}
@@ -41,7 +41,7 @@ UNSEEN = {"stiffness": (1e3, 2e3, 4e3), "speed": (0.06, 0.2), "payload": (0.5,)}
 
 
 HAND_SET = (5e5, 1e6, 5e4), (1.5e5, 3e5, 1.5e4)
-"""Gains of the PID of each joint at which the descent begins, which hold the robot in the air."""
+"""Gains of the PID of each joint at which the descent begins: round numbers, tuned on nothing."""
 
 
 def by_hand() -> IndependentJoints:
