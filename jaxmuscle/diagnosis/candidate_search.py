@@ -45,6 +45,10 @@ SHORT_STEPS, LONG_STEPS = 12, 60
 HOPE, LEAST = 0.02, 2.0
 """Part of the excess error, and of the cost, that the short fits have to remove to be carried on: less than
 half of what makes a candidate worth judging, and a likelihood ratio that no test takes for evidence."""
+PLENTY = 0.2
+"""Part of the excess error that is enough in any case. An error that lasts as long as the recording is worth
+so few readings that the whole of it costs less than a likelihood ratio of evidence does: of a drift of the
+load cell that left 5 noise units no candidate had hope."""
 NEAR, PATIENCE = 0.25, 4
 """Part of that within which a short fit ends near a minimum, and steps in which it has to get so far."""
 
@@ -107,7 +111,8 @@ def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
     """Fall of the cost below that of the `present` model at which a candidate is worth a whole fit."""
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     residuals = bench.residuals(present.model, problem)
-    return max(HOPE * 0.5 * telling_excess(residuals, problem.weights, block, present.factors), LEAST)
+    excess = 0.5 * telling_excess(residuals, problem.weights, block, present.factors)
+    return max(HOPE * excess, min(LEAST, PLENTY * excess))
 
 
 def _best_start(

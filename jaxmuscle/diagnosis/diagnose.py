@@ -179,8 +179,15 @@ def _agrees_with_card(second: Diagnosis, first: Diagnosis) -> bool:
 
 
 def _leaves_something(diagnosis: Diagnosis) -> bool:
-    """Whether a diagnosis leaves so much that further effects are to be tried."""
-    return diagnosis.missing_in_noise > MUCH and diagnosis.share_left > EXPLAINED
+    """Whether a diagnosis leaves so much that further effects are to be tried.
+
+    Nothing is called unexplained before all of them were; and a value of the card that is found to be wrong
+    explains nearly all that was missing, or it imitates an effect (a supply that droops under flow looks like
+    one of a lower pressure).
+    """
+    by_constant = any(effect.is_constant for effect in diagnosis.added)
+    much = diagnosis.missing_in_noise > MUCH or diagnosis.verdict == "unexplained" or by_constant
+    return much and diagnosis.share_left > EXPLAINED
 
 
 def _better(second: Diagnosis, first: Diagnosis) -> bool:
