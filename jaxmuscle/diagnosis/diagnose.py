@@ -27,7 +27,7 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
 )
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.diagnosis.verdict import EXPLAINED, MUCH
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
@@ -88,11 +88,12 @@ def diagnose(
             nor do single ones that stand out from those beside them
             (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
-            these leave something (:data:`~jaxmuscle.diagnosis.verdict.MUCH`) and the card declares dry
-            friction, they are tried once more beside friction that builds up over a distance
-            (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
-            something too, those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of
-            every column are tried with them. Each counts if it leaves less.
+            these leave something (more than :data:`~jaxmuscle.diagnosis.verdict.MUCH`, or the verdict would
+            be "unexplained") and the card declares dry friction, they are tried once more beside friction
+            that builds up over a distance (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support
+            that. Where that leaves something too, or a constant of the card does that is found to be wrong,
+            those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are
+            tried with them. Each counts if it leaves less.
             Constants are tried beside the usual effects where these leave something, or bend a value by more
             than three standard deviations of the card; with a `catalogue` of your own, beside it.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
@@ -186,8 +187,8 @@ def _leaves_something(diagnosis: Diagnosis) -> bool:
     one of a lower pressure).
     """
     by_constant = any(effect.is_constant for effect in diagnosis.added)
-    much = diagnosis.missing_in_noise > MUCH or diagnosis.verdict == "unexplained" or by_constant
-    return much and diagnosis.share_left > EXPLAINED
+    much = diagnosis.missing_in_noise > (MISSING if by_constant else MUCH)
+    return (much or diagnosis.verdict == "unexplained") and diagnosis.share_left > EXPLAINED
 
 
 def _better(second: Diagnosis, first: Diagnosis) -> bool:

@@ -11,7 +11,7 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.diagnose import LESS, _in_passes
-from jaxmuscle.diagnosis.verdict import MUCH
+from jaxmuscle.diagnosis.verdict import MISSING, MUCH
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -23,16 +23,29 @@ module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
 SMOOTH: Any = type("Smooth", (), {"effects": MappingProxyType({})})()
 
 
+class Added(str):
+    """An effect that was added, told from others by its name alone."""
+
+    @property
+    def is_constant(self):
+        return self.startswith("constant:")
+
+
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """What of a diagnosis decides."""
 
     missing_in_noise: float
-    added: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
     share_left: float = 1.0
     seconds: float = 10.0
     declared: Any = SMOOTH
     violated_priors: Any = ()
+    verdict: str = "effects found"
+
+    @property
+    def added(self):
+        return tuple(Added(name) for name in self.names)
 
 
 def passes(*outcomes, constants=False):
@@ -60,6 +73,26 @@ def test_the_usual_effects_are_enough_where_they_leave_nothing():
 def test_a_little_of_much_is_no_reason_to_go_on():
     found, asked = passes(Outcome(4.6, ("thread_friction",), share_left=0.14))
     assert found.added == ("thread_friction",) and asked == [CATALOGUE]
+
+
+def test_nothing_is_unexplained_before_all_effects_were_tried():
+    """Also where little is missing over the windows' first states: all of the recording may hold more."""
+    little = Outcome(MUCH, verdict="unexplained"), Outcome(0.2, ("supply_droop",))
+    found, asked = passes(*little)
+    assert found.added == ("supply_droop",) and len(asked) == 2
+    _, asked = passes(Outcome(MUCH, verdict="undecided"))
+    assert asked == [CATALOGUE]
+
+
+def test_all_are_tried_where_a_wrong_constant_leaves_a_part():
+    """It may imitate an effect: a supply that droops under flow looks like one of a lower pressure."""
+    usual = Outcome(9.0)
+    part = Outcome(2.9, ("constant:supply",), share_left=0.5)
+    found, asked = passes(usual, part, Outcome(0.2, ("supply_droop",)), constants=True)
+    assert found.added == ("supply_droop",) and len(asked) == 3
+    for enough in ({"share_left": 0.1}, {"missing_in_noise": MISSING}):
+        found, asked = passes(usual, dataclasses.replace(part, **enough), constants=True)
+        assert found.added == ("constant:supply",) and len(asked) == 2
 
 
 def test_all_are_tried_where_something_is_left():
