@@ -186,9 +186,8 @@ def _leaves_something(diagnosis: Diagnosis) -> bool:
     explains nearly all that was missing, or it imitates an effect (a supply that droops under flow looks like
     one of a lower pressure).
     """
-    by_constant = any(effect.is_constant for effect in diagnosis.added)
-    much = diagnosis.missing_in_noise > (MISSING if by_constant else MUCH)
-    return (much or diagnosis.verdict == "unexplained") and diagnosis.share_left > EXPLAINED
+    something = diagnosis.missing_in_noise > MISSING or diagnosis.verdict == "unexplained"
+    return something and diagnosis.share_left > EXPLAINED
 
 
 def _better(second: Diagnosis, first: Diagnosis) -> bool:

@@ -80,6 +80,13 @@ def descend_by_secants(
     def exact(u: Vector) -> Linearised:
         return Linearised(u, *linearised(u))
 
+    def use(found: Linearised) -> Linearised:
+        """Have the next trial made by these derivatives; a coordinate may be told for the first time."""
+        assert lane.curvature is not None
+        lane.local = found.local
+        lane.curvature = np.maximum(lane.curvature, lane.local.matrix.diagonal())
+        return found
+
     lane = Lane(start.copy(), np.zeros(start.shape, dtype=bool), start.copy(), trial=start.copy())
     here = exact(start)
     if not begun(lane, here.local, limits):
@@ -90,8 +97,7 @@ def descend_by_secants(
             if not here.secants or lane.code == STEPS:
                 return lane
             # No descent ends by derivatives that are only nearly right.
-            here, lane.rejected = exact(lane.u), 0
-            lane.local = here.local
+            here, lane.rejected = use(exact(lane.u)), 0
             proceed(lane, limits)
             continue
         assert lane.curvature is not None
@@ -101,9 +107,7 @@ def descend_by_secants(
         if ratio > LEAST_FALL:
             low, high = AS_EXPECTED
             good = found.secants <= MOST and low < ratio < high
-            here = found if good else exact(lane.u)
-            lane.local = here.local
+            here = use(found if good else exact(lane.u))
         elif here.secants:
-            here, lane.rejected, lane.radius = exact(lane.u), 0, radius
-            lane.local = here.local
+            here, lane.rejected, lane.radius = use(exact(lane.u)), 0, radius
         proceed(lane, limits)

@@ -120,3 +120,19 @@ def test_no_prediction_at_the_start_is_told():
 def test_steps_are_limited():
     lane, counted = descended(decay, decay_slopes, [3.0, 3.0, 1.0], dataclasses.replace(FREE, steps=2))
     assert lane.code == STEPS and counted.values == 2
+
+
+def test_a_coordinate_that_counts_only_further_on_is_fitted():
+    """A wall that the start does not touch: nothing was known of its stiffness, and the descent crashed."""
+
+    def wall(u):
+        return np.array([u[0] - 3.0, max(u[0] - 1.0, 0.0) * (u[1] - 2.0), 0.1 * np.sin(u[0])])
+
+    def slopes(u):
+        inside = max(u[0] - 1.0, 0.0)
+        along = np.array([1.0, (u[1] - 2.0) * (u[0] > 1.0), 0.1 * np.cos(u[0])])
+        return np.stack([along, np.array([0.0, inside, 0.0])])
+
+    lane, _ = descended(wall, slopes, [0.0, 0.0], Limits(np.full(2, -9.0), np.full(2, 9.0), 100, 1, samples=3))
+    assert lane.code == CONVERGED
+    assert lane.u == pytest.approx(optimize.least_squares(wall, (2.0, 1.0)).x, rel=1e-4)
