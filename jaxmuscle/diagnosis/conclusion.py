@@ -83,7 +83,8 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     squares = bench.mean_squares(outcome.model, training)
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
-    may_miss = missing_in_noise(final, squares, noise)
+    of_columns = {c: squares[out] for out, names in case.actuator.outputs.items() for c in names}
+    may_miss = missing_in_noise(final, of_columns, noise, after["training"])
     remaining = share_left(*(training_squares(case, each) for each in (traces.before, traces.after)))
     said = verdict(
         found=bool(names),

@@ -41,23 +41,30 @@ Squares = Mapping[str, Float[np.ndarray, " windows"]]
 
 
 def missing_in_noise(
-    final: FitResult | None, squares: Mapping[str, float], noise: Mapping[str, float]
+    final: FitResult | None,
+    squares: Mapping[str, float],
+    noise: Mapping[str, float],
+    training: Mapping[str, Error],
 ) -> float:
     """Root mean square of what may be missing in a reading, in units of its noise; of the worst reading.
 
+    Two residuals bound it, and the smaller one counts: that of the reading given the others as they were
+    measured, which suffers from their noise (a joint turns with a slow error of a pressure), and the error of
+    the prediction from the command alone, which suffers from the states that windows begin with.
+
     Args:
         final: the last fit, whose residuals are free of what windows share by the states they begin with.
+        squares: column → mean square weighted residual, taken where there was nothing to fit.
         noise: column → noise of its sensor, beside which the fit may have allowed for more.
-        squares: mean square weighted residual of each output, taken where there was nothing to fit.
+        training: column → error of predictions from the command alone, on training data.
     """
-    levels = list(squares.values())
-    if final is not None:
-        levels = [
-            (each.ratio * max(each.assumed / noise[column], 1.0)) ** 2
-            for columns in final.noise.values()
-            for column, each in columns.items()
-        ]
-    return math.sqrt(max(0.0, *(level - 1 for level in levels if math.isfinite(level)), 0.0))
+    levels = dict(squares)
+    for columns in () if final is None else final.noise.values():
+        for column, each in columns.items():
+            levels[column] = (each.ratio * max(each.assumed / noise[column], 1.0)) ** 2
+    both = ((levels.get(column, math.inf), error.in_noise**2) for column, error in training.items())
+    excess = (min(filter(math.isfinite, pair), default=1.0) - 1 for pair in both)
+    return math.sqrt(max(0.0, *excess, 0.0))
 
 
 def doubted(

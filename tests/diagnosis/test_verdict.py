@@ -55,14 +55,30 @@ def test_every_case(
     assert verdict(**case) == said  # pyright: ignore[reportArgumentType]
 
 
+def predicted(**in_noise: float) -> dict[str, Error]:
+    return held_out(**in_noise)["held_out"]
+
+
 def test_missing_is_what_a_residual_has_beyond_the_noise_of_the_worst_reading() -> None:
-    noise = {"0": 2.0, "1": 2.0}
-    assert missing_in_noise(fit(1.0, math.sqrt(2.0)), {"position": 400.0}, noise) == pytest.approx(1.0)
-    assert missing_in_noise(fit(0.8, 0.9), {}, noise) == 0.0
+    noise, poor = {"0": 2.0, "1": 2.0}, predicted(**{"0": 90.0, "1": 90.0})
+    squares = {"0": 400.0, "1": 400.0}
+    assert missing_in_noise(fit(1.0, math.sqrt(2.0)), squares, noise, poor) == pytest.approx(1.0)
+    assert missing_in_noise(fit(0.8, 0.9), squares, noise, poor) == 0.0
     # What the fit allowed for beside the sensor's noise is missing all the same.
-    assert missing_in_noise(fit(1.0, 0.5), {}, {"0": 0.4, "1": 2.0}) == pytest.approx(math.sqrt(24.0))
+    more = {"0": 0.4, "1": 2.0}
+    assert missing_in_noise(fit(1.0, 0.5), squares, more, poor) == pytest.approx(math.sqrt(24.0))
     # Without a fit, from the weighted residuals as they are.
-    assert missing_in_noise(None, {"position": 5.0, "pressure": 0.9}, {}) == pytest.approx(2.0)
+    assert missing_in_noise(None, {"0": 5.0, "1": 0.9}, {}, poor) == pytest.approx(2.0)
+
+
+def test_what_predictions_from_the_command_alone_do_not_miss_is_not_missing() -> None:
+    """The noise of a pressure that is imposed as measured moves a joint; its regulator's model has none."""
+    noise = {"0": 2.0, "1": 2.0}
+    assert missing_in_noise(fit(9.0, 2.0), {}, noise, predicted(**{"0": 1.0, "1": 5.0})) == pytest.approx(
+        3**0.5
+    )
+    assert missing_in_noise(fit(math.nan, 1.0), {}, noise, predicted(**{"0": 3.0})) == pytest.approx(8**0.5)
+    assert missing_in_noise(fit(3.0, 1.0), {}, noise, predicted(**{"0": math.nan})) == pytest.approx(8**0.5)
 
 
 @pytest.mark.parametrize(("value", "std", "sure"), [(14.0, 0.2, True), (-3.0, 1.0, True), (0.3, 0.2, False)])

@@ -133,6 +133,8 @@ def test_a_coordinate_that_counts_only_further_on_is_fitted():
         along = np.array([1.0, (u[1] - 2.0) * (u[0] > 1.0), 0.1 * np.cos(u[0])])
         return np.stack([along, np.array([0.0, inside, 0.0])])
 
-    lane, _ = descended(wall, slopes, [0.0, 0.0], Limits(np.full(2, -9.0), np.full(2, 9.0), 100, 1, samples=3))
+    lane, _ = descended(
+        wall, slopes, [0.0, 0.0], Limits(np.full(2, -9.0), np.full(2, 9.0), 100, 1, samples=3)
+    )
     assert lane.code == CONVERGED
     assert lane.u == pytest.approx(optimize.least_squares(wall, (2.0, 1.0)).x, rel=1e-4)
