@@ -103,8 +103,6 @@ class Signals(eqx.Module):
     time: Any = None  # s since the first row of the recording; only where an effect reads it
     moves_valve: Any = 1.0  # of each command: 1, or 0 where it moves no valve
     neutral: Any = None  # the command under which the valve is shut
-    reached: Any = None  # the command that the valve has followed so far
-    following_time: Any = None  # s, (command - reached) over the rate at which the valve follows
     valve: Any = None  # the flow valve, for its constants
     opening: Any = None  # of the flow valve, -1 … 1
     supply_pressure: Any = None  # Pa, absolute, before the flow valve

@@ -17,7 +17,7 @@ from jaxmuscle.components import FlowValve, McKibben
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
 from jaxmuscle.effects.base import AbstractEffect, States
-from jaxmuscle.effects.chain import state_rates
+from jaxmuscle.effects.chain import chamber, state_rates
 from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
@@ -100,8 +100,6 @@ class Isotonic(AbstractActuator):
             past=held.past,
             time=held.time,
             neutral=0.0,
-            reached=state["opening"] * self.valve.full_command,
-            following_time=self.valve.time_constant,
             valve=self.valve,
             opening=state["opening"],
             polytropic_exponent=self.polytropic_exponent,
@@ -139,10 +137,11 @@ class Isotonic(AbstractActuator):
             signals.supply_pressure,
         )
         signals = self._with(signals.having(valve_flow=flow), MASS_FLOW, flow, states)
-        signals = self._with(signals, VOLUME, self.muscle.volume(signals.contraction), states)
+        volume, slope = chamber(self.effects, self.muscle, signals.contraction)
+        signals = self._with(signals, VOLUME, volume, states)
         # The plate stops the mass within a step, so the volume must not follow it below.
         velocity = jnp.where(signals.position <= 0, jnp.maximum(signals.velocity, 0.0), signals.velocity)
-        signals = signals.having(volume_rate=self.muscle.volume_slope(signals.contraction) * velocity)
+        signals = signals.having(volume_rate=slope * velocity)
         inflow = GAS_CONSTANT * self.gas_temperature * signals.mass_flow
         expanding = signals.pressure * signals.volume_rate
         rate = self.polytropic_exponent * (inflow - expanding) / signals.volume

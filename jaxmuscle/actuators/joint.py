@@ -184,10 +184,7 @@ class AbstractRegulated(AbstractActuator):
         return measured["pressure"]
 
     def _behind_valves(self, signals: Signals, state: State) -> Signals:
-        pressure = state["pressure"]
-        return signals.having(
-            neutral=pressure, reached=pressure, following_time=self.regulator.following_time
-        )
+        return signals.having(neutral=state["pressure"])
 
     def _pressure_rates(self, state: State, signals: Signals) -> State:
         """Rates of the pressure and of its rate."""

@@ -100,7 +100,8 @@ def situation(
     if not actuator.commands:
         raise InputError(f"rig {actuator.rig!r} has no command, and so no operating point of its own")
     measured = _measured(actuator, start)
-    track = Track(jnp.asarray(1.0), jnp.asarray(command, dtype=float)[None], measured)
+    steady_command = jnp.asarray(command, dtype=float)
+    track = Track(jnp.asarray(1.0), steady_command[None], measured, before=steady_command)
     begin = start_at_rest(actuator, track)
     if unknown := set(hold) - set(begin.state):
         raise InputError(f"hold: expected states of {sorted(begin.state)}; got {sorted(unknown)}")

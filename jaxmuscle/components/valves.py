@@ -65,11 +65,6 @@ class PressureRegulator(eqx.Module):
         omega = 2 * jnp.pi * self.frequency
         return omega**2 * (command - pressure) - 2 * self.damping * omega * pressure_rate
 
-    @property
-    def following_time(self) -> Value:
-        r"""Time :math:`2ζ/ω` by which a pressure that keeps pace trails a command that rises steadily [s]."""
-        return self.damping / (jnp.pi * self.frequency)
-
 
 class CurrentDriver(eqx.Module):
     """Voltage-to-current amplifier with a first-order lag."""

@@ -71,6 +71,14 @@ class AbstractStaticEffect(AbstractEffect):
         """The addition to the slot, in its unit."""
 
 
+class AbstractWallEffect(AbstractStaticEffect):
+    """A static effect of the muscle's wall, which takes room from the chamber as well."""
+
+    @abc.abstractmethod
+    def room(self, muscle: Any, contraction: Array) -> tuple[Array, Array]:
+        """Volume that it takes [m^3], and the slope of that over the contraction [m^2]."""
+
+
 class AbstractMuscleEffect(AbstractEffect):
     """An effect that makes the muscles themselves other than the card says; the chain follows from them."""
 

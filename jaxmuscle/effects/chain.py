@@ -15,6 +15,7 @@ from jaxmuscle.effects.base import (
     AbstractSlipEffect,
     AbstractStaticEffect,
     AbstractTransmissionEffect,
+    AbstractWallEffect,
     Effects,
     States,
 )
@@ -51,6 +52,16 @@ def effect_value(effect: AbstractEffect, state: Any, signals: Signals) -> Array:
         return effect.value(signals)
     assert isinstance(effect, AbstractRateEffect | AbstractMemoryEffect)
     return effect.value(state, signals)
+
+
+def chamber(effects: Effects, muscle: Any, contraction: Array) -> tuple[Array, Array]:
+    """Volume within a muscle's wall [m^3], and its slope over the contraction [m^2]."""
+    volume, slope = muscle.volume(contraction), muscle.volume_slope(contraction)
+    for effect in effects.values():
+        if isinstance(effect, AbstractWallEffect):
+            room, growth = effect.room(muscle, contraction)
+            volume, slope = volume - room, slope - growth
+    return volume, slope
 
 
 def altered_muscle(effects: Effects, muscle: Any) -> Any:

@@ -1,5 +1,5 @@
 """Effects of the command on its way to the opening of a valve or the set-point of a regulator: delay,
-offset, hysteresis, dead band, limited rate. They act in this order, delay and offset side by side.
+offset, limited rate, hysteresis, dead band. They act in this order, delay and offset side by side.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class SpoolHysteresis(AbstractMemoryEffect):
     strength: ClassVar = "half_width"
     starts: ClassVar = ({},)
     source: ClassVar = "play operator, [W] equation 1"
-    stage: ClassVar = 1
+    stage: ClassVar = 2
     view: ClassVar = LOOP
 
     half_width: Scalar = parameter(
@@ -124,7 +124,7 @@ class DeadBand(AbstractStaticEffect):
     strength: ClassVar = "width"
     starts: ClassVar = ({},)
     source: ClassVar = "overlapped spool, Merritt, Hydraulic Control Systems (1967)"
-    stage: ClassVar = 2
+    stage: ClassVar = 3
     view: ClassVar = COMMANDED
 
     width: Scalar = parameter(
@@ -142,15 +142,16 @@ class DeadBand(AbstractStaticEffect):
         return -lost * signals.moves_valve
 
 
-class RateLimit(AbstractStaticEffect):
-    r"""The valve follows its command no faster than a rate: :math:`|\dot y| ≤ r`.
+class RateLimit(AbstractMemoryEffect):
+    r"""The command passes a limiter of its rate: y follows u by at most r per second.
 
-    .. math:: u \;\to\; y + \mathrm{clip}(u - y,\,-r T,\,r T)
+    .. math:: \dot y = \mathrm{clip}\!\left(\frac{u - y}{0^+}, -r, r\right),\qquad
+        Δu = \frac1h \int_0^h (y - u)\,dt = -(u - y)\,g\!\left(\frac{|u - y|}{r h}\right),\quad
+        g(f) = \begin{cases} f/2 & f ≤ 1 \\ 1 - 1/(2f) & f > 1 \end{cases}
 
-    y is the command that the valve has reached. A spool follows by a first-order lag with T its time
-    constant: the limit on u - y is one on its rate. A regulated pressure has T = 2ζ/ω: its second-order lag
-    then keeps to the rate without overshooting for it. The strength is 1/r, zero without a limit; a small
-    one changes nothing while no difference reaches r T.
+    y in the last expression is where a step of the simulation, h long, begins; the mean over the step acts in
+    all of it, as of a command that is held. The lag of the spool, or of the regulator, comes after it. The
+    strength is 1/r, zero without a limit; a small one changes next to nothing.
     """
 
     name: ClassVar = "rate_limit"
@@ -161,8 +162,8 @@ class RateLimit(AbstractStaticEffect):
         {"inverse_rate": 1 / rate} for rate in (200.0, 80.0, 30.0, 12.0, 5.0, 2e7, 8e6, 3e6, 1.2e6, 5e5)
     )
     """The first five for commands in volts, the others for pressures."""
-    source: ClassVar = "velocity saturation of a valve, Merritt, Hydraulic Control Systems (1967)"
-    stage: ClassVar = 3
+    source: ClassVar = "slew rate, velocity saturation of a valve, Merritt, Hydraulic Control Systems (1967)"
+    stage: ClassVar = 1
 
     inverse_rate: Scalar = parameter(
         "s/({command})",
@@ -172,8 +173,22 @@ class RateLimit(AbstractStaticEffect):
         typical={"s/(V)": 0.02, "s/(Pa)": 5e-7},
     )
 
-    def value(self, signals: Signals) -> Array:
-        ahead = signals.command - signals.reached
-        wanted, given = jnp.abs(ahead) * self.inverse_rate, signals.following_time
-        limited = wanted > given
-        return ahead * jnp.where(limited, given / jnp.where(limited, wanted, 1.0) - 1, 0.0)
+    def initial(self, signals: Signals) -> tuple[Array, Array]:
+        # No step was made yet, whose length the next one has: it may be all of a sample.
+        step = jnp.zeros(()) if signals.past is None else signals.past.step
+        return jnp.asarray(signals.command), jnp.asarray(step)
+
+    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
+        before, _ = memory
+        ahead = signals.command - before
+        return before + ahead / jnp.maximum(self._steps(ahead, step), 1.0), jnp.asarray(step)
+
+    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
+        before, step = memory
+        ahead = signals.command - before
+        steps = self._steps(ahead, step)
+        return -ahead * jnp.where(steps > 1, 1 - 0.5 / jnp.maximum(steps, 1.0), 0.5 * steps)
+
+    def _steps(self, ahead: Array, step: Array) -> Array:
+        """Steps that it takes to catch up; none in a step of no length."""
+        return jnp.abs(ahead) * self.inverse_rate / jnp.where(step > 0, step, jnp.inf)

@@ -19,6 +19,7 @@ from jaxmuscle.effects.base import (
     AbstractMuscleEffect,
     AbstractRateEffect,
     AbstractStaticEffect,
+    AbstractWallEffect,
 )
 from jaxmuscle.hysteresis.operators import play, stop
 from jaxmuscle.parameters import Scalar, parameter
@@ -134,14 +135,16 @@ class BladderHoopStiffness(AbstractStaticEffect):
         return -self.wall_stiffness * slope * (swelling - 1)
 
 
-class WallThickness(AbstractStaticEffect):
+class WallThickness(AbstractWallEffect):
     r"""The wall of bladder and braid has a thickness t: the pressure acts on the inner radius r - t.
 
     .. math:: ΔF = π P\,\left[2 r_0 t\,\left(2 q - \frac{1}{q \sin^2α_0}\right) - t^2\right],\quad q = r/r_0
 
     Chou and Hannaford (IEEE Trans. Robotics and Automation 12, 1996), equation 8, the force -P dV/dl of an
     inner volume π(r - t)² l with constant t, by the radius ratio of [T] equation 3 at the length ratio
-    1 - kε. P: gauge pressure [Pa]. A wall of constant volume would change nothing. Valid for 0 ≤ t < r0.
+    1 - kε. P: gauge pressure [Pa]. A wall of constant volume would change nothing. Where the pressure is
+    that of a chamber in the muscle, gas fills the inner volume of the plain cylinder (k = 1). Valid for
+    0 ≤ t < r0.
     """
 
     name: ClassVar = "wall_thickness"
@@ -155,10 +158,21 @@ class WallThickness(AbstractStaticEffect):
     thickness: Scalar = parameter("m", "thickness of the wall", default=0.0, nonnegative=True, typical=1e-3)
 
     def value(self, signals: Signals) -> Array:
-        muscle, t = signals.muscle, self.thickness
-        q = muscle.swelling(1 - muscle.end_factor * muscle.strain(signals.contraction))
+        return signals.gauge_pressure * self._area(
+            signals.muscle, signals.contraction, signals.muscle.end_factor
+        )
+
+    def room(self, muscle: McKibben, contraction: Array) -> tuple[Array, Array]:
+        ratio, t = 1 - muscle.strain(contraction), self.thickness
+        radius = muscle.initial_radius * muscle.swelling(ratio)
+        room = jnp.pi * t * (2 * radius - t) * muscle.initial_length * ratio
+        return room, -self._area(muscle, contraction, 1.0)
+
+    def _area(self, muscle: McKibben, contraction: Array, end_factor: Array | float) -> Array:
+        """Force over pressure that the wall adds: the slope of the inner volume less that of the outer."""
+        t, q = self.thickness, muscle.swelling(1 - end_factor * muscle.strain(contraction))
         ring = 2 * muscle.initial_radius * t * (2 * q - 1 / (q * jnp.sin(muscle.braid_angle) ** 2))
-        return jnp.pi * signals.gauge_pressure * (ring - t**2)
+        return jnp.pi * (ring - t**2)
 
 
 THRESHOLDS = np.linspace(0.01, 0.08, 8)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Protocol, runtime_checkable
 
@@ -89,15 +90,24 @@ class Restarts(eqx.Module):
 
 
 def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0) -> Start:
-    """The measured states of a sample, everything else at rest."""
-    state = actuator.rest(track.at(jnp.asarray(row)))
-    held = held_at(actuator, track, jnp.asarray(row), {})
+    """The measured states of a sample, everything else at rest under the command before it."""
+    here = jnp.asarray(row)
+    state, held = actuator.rest(track.at(here)), _held_before(actuator, track, here, {})
     bare = actuator.without_effects(*actuator.effects)
     states, memory = initial_states(actuator.effects, sensing(actuator, bare.signals(state, held)))
     # Once more under the signals that these states make: a lagging sensor starts at the whole force.
-    whole = actuator.signals({**state, "effects": states}, held_at(actuator, track, jnp.asarray(row), memory))
+    whole = actuator.signals({**state, "effects": states}, _held_before(actuator, track, here, memory))
     states, memory = initial_states(actuator.effects, sensing(actuator, whole))
     return Start({**state, "effects": states}, memory)
+
+
+def _held_before(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:
+    """What is held at the beginning of a stretch, with the command before it."""
+    held = held_at(actuator, track, row, memory)
+    if held.past is None:
+        return held
+    past = dataclasses.replace(held.past, row=held.past.first - 1)
+    return dataclasses.replace(held, command=past(jnp.zeros(())), past=past)
 
 
 def with_states(start: Start, values: Mapping[str, Array]) -> Start:

@@ -55,8 +55,6 @@ def situation(velocity, contraction):
     return Signals(
         command=table[4],
         neutral=pressure,
-        reached=pressure,
-        following_time=jnp.asarray(7e-3),
         valve=bench.model("isotonic").valve,
         opening=jnp.asarray(0.4),
         supply_pressure=jnp.asarray(bench.AMBIENT + 6e5),

@@ -21,6 +21,7 @@ from jaxmuscle.effects import (
     Stribeck,
     WallThickness,
 )
+from jaxmuscle.effects.chain import chamber
 from jaxmuscle.effects.transmission import lever, unwound, winding
 from jaxmuscle.hysteresis.operators import bouc_wen, dahl
 from jaxmuscle.parameters import replace
@@ -53,6 +54,21 @@ def test_wall_gives_the_work_of_the_inner_volume():
     signals = pulled(gauge, muscle)
     total = signals.muscle_force + built(WallThickness, thickness=t).value(signals)
     np.testing.assert_allclose(total, gauge * jax.vmap(jax.grad(volume))(X), rtol=1e-12)
+
+
+def test_gas_fills_what_the_wall_leaves():
+    t, wall = 8e-4, {"wall": built(WallThickness, thickness=8e-4)}
+
+    def volume(contraction):
+        ratio = 1 - contraction / MUSCLE.initial_length
+        radius = MUSCLE.initial_radius * MUSCLE.swelling(ratio) - t
+        return jnp.pi * radius**2 * MUSCLE.initial_length * ratio
+
+    inner, slope = chamber(wall, MUSCLE, X)
+    np.testing.assert_allclose(inner, volume(X), rtol=1e-12)
+    np.testing.assert_allclose(slope, jax.vmap(jax.grad(volume))(X), rtol=1e-12)
+    none, _ = chamber({"wall": built(WallThickness, thickness=0.0)}, MUSCLE, X)
+    np.testing.assert_array_equal(none, MUSCLE.volume(X))
 
 
 def test_tendon_and_muscle_pull_alike():
