@@ -127,12 +127,14 @@ class DeadVolume(AbstractStaticEffect):
 class GasHeating(AbstractRateEffect):
     r"""The gas warms as it is compressed and takes its wall's temperature again over a thermal time.
 
-    .. math:: \frac{Δ\dot p}{p} = s\,[(γ - n)\,κ - z/τ],\quad \dot z = (γ - 1)\,κ - z/τ,\quad
-              κ = \frac{R T \dot m}{p V} - \frac{\dot V}{V}
+    .. math:: \dot z = θ\left[(γ θ_{in} - θ)\,φ - (γ - 1)\frac{\dot V}{V}\right] - \frac zτ,\quad
+        \frac{Δ\dot p}{p} = θ φ - φ_0 + s \frac{\dot z}{θ} - s (n - 1)\left(φ_0 - \frac{\dot V}{V}\right)
 
-    z is the relative excess of the gas temperature, by the energy balance with incoming and outgoing gas at
-    wall temperature, to first order in z. Together with the declared polytropic law, n κ, the share s of the
-    chamber is adiabatic (γ = 1.4) for changes faster than τ and isothermal for slower ones.
+    θ = 1 + s z is the temperature of the gas over that of its wall and of the gas that comes in
+    (:math:`θ_{in} = 1`; of outgoing gas :math:`θ_{in} = θ`), :math:`φ_0 = R T \dot m/(p V)` the relative rate
+    of inflow at the wall's temperature; outgoing gas flows as :math:`φ = φ_0/\sqrt θ`. Together with the
+    declared polytropic law n the share s of the chamber's energy balance counts: with s = 1 changes faster
+    than τ are adiabatic (γ = 1.4), slower ones isothermal.
     """
 
     name: ClassVar = "gas_heating"
@@ -140,7 +142,7 @@ class GasHeating(AbstractRateEffect):
     reads: ClassVar = frozenset({"pressure_rate", "volume"})
     strength: ClassVar = "share"
     starts: ClassVar = ({"thermal_time": 0.1}, {"thermal_time": 0.5}, {"thermal_time": 2.0})
-    source: ClassVar = "chamber with heat transfer, Carneiro and de Almeida (2006), linearised"
+    source: ClassVar = "chamber with heat transfer, Carneiro and de Almeida (2006)"
 
     share: Scalar = parameter(
         "", "share s of the energy balance in the chamber's law", default=0.0, nonnegative=True
@@ -153,14 +155,30 @@ class GasHeating(AbstractRateEffect):
         return jnp.zeros_like(signals.pressure)
 
     def rate(self, state: Array, signals: Signals) -> Array:
-        return (GAMMA - 1) * _isothermal(signals) - state / self.thermal_time
+        warmth, flow = self._gas(state, signals)
+        # Per unit of the share, so that nothing is added without one whatever the state.
+        coming = jnp.where(signals.mass_flow < 0, warmth, 1.0)
+        growth = signals.volume_rate / signals.volume
+        heat = (GAMMA * coming - warmth) * flow - (GAMMA - 1) * growth
+        return warmth * heat - state / self.thermal_time
 
     def value(self, state: Array, signals: Signals) -> Array:
-        excess = (GAMMA - signals.polytropic_exponent) * _isothermal(signals)
-        return self.share * signals.pressure * (excess - state / self.thermal_time)
+        (warmth, flow), cold = self._gas(state, signals), _inflow(signals)
+        declared = (signals.polytropic_exponent - 1) * (cold - signals.volume_rate / signals.volume)
+        change = warmth * flow - cold + self.share * (self.rate(state, signals) / warmth - declared)
+        return signals.pressure * change
+
+    def _gas(self, state: Array, signals: Signals) -> tuple[Array, Array]:
+        """Temperature of the gas over its wall's, and relative rate of inflow."""
+        warmth, flow = jnp.maximum(1 + self.share * state, COLDEST), _inflow(signals)
+        return warmth, jnp.where(signals.mass_flow < 0, flow / jnp.sqrt(warmth), flow)
 
 
-def _isothermal(signals: Signals) -> Array:
-    """Relative rate κ of the pressure at constant temperature [1/s]."""
+COLDEST = 0.1
+"""Temperature of the gas over its wall's below which no chamber comes: trial steps of a fit may."""
+
+
+def _inflow(signals: Signals) -> Array:
+    """Relative rate of inflow at the wall's temperature, R T m / (p V) [1/s]."""
     inflow = GAS_CONSTANT * signals.gas_temperature * signals.mass_flow
-    return (inflow / signals.pressure - signals.volume_rate) / signals.volume
+    return inflow / (signals.pressure * signals.volume)
