@@ -81,10 +81,10 @@ def descend_by_secants(
         return Linearised(u, *linearised(u))
 
     def use(found: Linearised) -> Linearised:
-        """Have the next trial made by these derivatives; a coordinate may be told for the first time."""
+        """Have the next trial made by these derivatives; they may be the first that tell of a coordinate."""
         assert lane.curvature is not None
         lane.local = found.local
-        lane.curvature = np.maximum(lane.curvature, lane.local.matrix.diagonal())
+        lane.curvature = np.where(lane.curvature > 0, lane.curvature, lane.local.matrix.diagonal())
         return found
 
     lane = Lane(start.copy(), np.zeros(start.shape, dtype=bool), start.copy(), trial=start.copy())
