@@ -154,6 +154,10 @@ class AbstractSlipEffect(AbstractMemoryEffect):
     def deflection(self) -> Array:
         """Way over which the friction builds up, in the unit of the motion; zero without the effect."""
 
+    @abc.abstractmethod
+    def damping(self) -> Array:
+        """Damping of what builds up over its stiffness [s]; without effect where the motion is imposed."""
+
 
 Effects = Mapping[str, AbstractEffect]
 States = Mapping[str, Any]

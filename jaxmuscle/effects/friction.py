@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect
+from jaxmuscle.effects.slip import DAMPING_TIME
 from jaxmuscle.hysteresis.operators import dahl
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
@@ -126,8 +127,9 @@ class Presliding(AbstractSlipEffect):
     Dahl (1968), exponent 1, which the LuGre model of Canudas de Wit et al. (IEEE Trans. Automatic Control
     40, 1995) becomes at low velocities: bristles of stiffness L/δ with L the limit of all dry friction of
     the machine together (`load_friction`, `thread_friction`, …), without which nothing changes. z is
-    exact over straight moves x [m or rad]. On a mass bristles are damped by 8τ L/δ,
-    :func:`jaxmuscle.effects.slip.slip_of_mass`; valid from δ = 0, the law without bristles, upwards.
+    exact over straight moves x [m or rad]. On a mass bristles are damped by T L/δ, T the `damping_time`
+    (:math:`σ_1/σ_0` of LuGre), :func:`jaxmuscle.effects.slip.slip_of_mass`; where the motion is imposed T has
+    no effect. Valid from δ = 0, the law without bristles, upwards.
     """
 
     name: ClassVar = "presliding"
@@ -139,6 +141,10 @@ class Presliding(AbstractSlipEffect):
 
     distance: Scalar = parameter(
         "{motion}", "way over which friction builds up to 1 - 1/e", default=0.0, nonnegative=True
+    )
+
+    damping_time: Scalar = parameter(
+        "s", "damping of the deflection over its stiffness", default=DAMPING_TIME, positive=True
     )
 
     def initial(self, signals: Signals) -> tuple[Array, Array]:
@@ -154,6 +160,9 @@ class Presliding(AbstractSlipEffect):
 
     def deflection(self) -> Array:
         return self.distance
+
+    def damping(self) -> Array:
+        return self.damping_time
 
 
 LEAST_DISTANCE = 1e-12

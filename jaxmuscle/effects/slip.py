@@ -10,16 +10,25 @@ from jaxtyping import Array
 from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect, Effects, States
 from jaxmuscle.signals import Signals, Slot
 
+STICKING_TIME = 5e-4
+"""Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
+DAMPING_TIME = 8 * STICKING_TIME
+"""Damping of bristles over their stiffness where nothing else is said [s]."""
+
+
+STIFF = 2.0
+"""Square of a ringing's frequency times the sticking time, as its inverse, at which half of that is added."""
+
 
 class Bristle(NamedTuple):
-    """Share of the limit to which dry friction has built up, -1 to 1, and the way that it takes."""
+    """Share of the limit to which dry friction has built up, -1 to 1, and the way that it takes.
+
+    `damping_time`: damping over stiffness [s].
+    """
 
     share: Array
     distance: Array
-
-
-STICKING_TIME = 5e-4
-"""Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
+    damping_time: Array | float = DAMPING_TIME
 
 
 def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | float:
@@ -34,7 +43,7 @@ def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | Non
     """How far dry friction has built up; `None` where it acts at once, without an effect on it."""
     for name, effect in effects.items():
         if isinstance(effect, AbstractSlipEffect):
-            return Bristle(effect.value(states.get(name), signals), effect.deflection())
+            return Bristle(effect.value(states.get(name), signals), effect.deflection(), effect.damping())
     return None
 
 
@@ -54,8 +63,8 @@ def slip_of_mass(
     of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
 
     With a bristle of distance δ that has built up the share z of the limit the slip is
-    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(8τ^2)`: one implicit step of
-    length τ for a mass on a spring L/δ with damping 8τ L/δ. It is z where z is slow, is as little stiff as
+    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(τ T)`: one implicit step of
+    length τ for a mass on a spring L/δ with damping T L/δ. It is z where z is slow, is as little stiff as
     the law above, and at δ = 0 is that law.
 
     Args:
@@ -68,7 +77,7 @@ def slip_of_mass(
     """
     wanted = force_to_rest(driving, momentum, widening)
     if bristle is not None:
-        softness = mass * softening(bristle.distance, widening)
+        softness = mass * softening(bristle, jnp.asarray(limit) / mass, widening)
         wanted, limit = wanted + softness * bristle.share, limit + softness
     some = jnp.asarray(limit) > 0
     ratio = wanted / jnp.where(some, limit, 1.0)
@@ -80,9 +89,17 @@ def force_to_rest(driving: Array, momentum: Array, widening: Array | float | Non
     return driving + momentum / _widened(STICKING_TIME, widening)
 
 
-def softening(distance: Array, widening: Array | float | None = None) -> Array:
-    """S/m = δ/(8τ²) of :func:`slip_of_mass`: acceleration that a bristle makes up for, at a distance δ."""
-    return distance / (8 * _widened(STICKING_TIME, widening) ** 2)
+def softening(bristle: Bristle, limit: Array, widening: Array | float | None = None) -> Array:
+    r"""S/m of :func:`slip_of_mass`: acceleration that a bristle makes up for, δ/(τ T).
+
+    Bristles that would ring faster than a step follows are damped as if their time were
+    :math:`T + 8τ\,q/(1 + q)`, :math:`q = 2 τ^2 L/(m δ)`. `limit`: L/m.
+    """
+    sticking = _widened(STICKING_TIME, widening)
+    ringing = STIFF * sticking**2 * limit
+    stiff = ringing / jnp.where(ringing > 0, ringing + bristle.distance, 1.0)
+    time = _widened(bristle.damping_time, widening) + _widened(DAMPING_TIME, widening) * stiff
+    return bristle.distance / (sticking * time)
 
 
 def slip_of_velocity(
@@ -99,5 +116,5 @@ def slip_of_velocity(
     return slip if bristle is None else jnp.where(bristle.distance > 0, bristle.share, slip)
 
 
-def _widened(width: float, widening: Array | float | None) -> Array | float:
+def _widened(width: Array | float, widening: Array | float | None) -> Array | float:
     return width if widening is None else width * widening

@@ -171,12 +171,15 @@ def _on_bristles(
 ) -> tuple[Pair, Matrix]:
     r"""Force to rest and mass matrix of two joints whose friction builds up on bristles.
 
-    With :math:`H = \mathrm{diag}(L) + S,\ S = M δ/(8τ^2)` as in :func:`slip_of_mass`, and z the share that
+    With :math:`H = \mathrm{diag}(L) + S,\ S = M δ/(τ T)` as in :func:`slip_of_mass`, and z the share that
     has built up, :math:`L H^{-1} (b + S z)` takes the place of b and :math:`L H^{-1} M` that of M.
     """
     distance = bristle.distance
     some = jnp.where(limit > 0, limit, LEAST_LIMIT)
-    soft = mass_matrix * softening(distance, widening)
+    # Of a distance of zero the root has no slope; what is computed with it is not used then.
+    soft_distance = jnp.where(distance > 0, distance, 1.0)
+    each = softening(bristle._replace(distance=soft_distance), some / jnp.diagonal(mass_matrix), widening)
+    soft = mass_matrix * jnp.sqrt(jnp.outer(each, each))
     whole = jnp.diag(some) + soft
     force = some * solved(whole, wanted + soft @ bristle.share)
     columns = [some * solved(whole, mass_matrix[:, i]) for i in range(2)]

@@ -18,15 +18,15 @@ STEP = bench.STEPS["joint"]
 DISTANCES = (0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 
 
-def joint(distance):
-    return bench.model("joint", load_friction={"force": LIMIT}, presliding={"distance": distance})
+def joint(distance, **more):
+    return bench.model("joint", load_friction={"force": LIMIT}, presliding={"distance": distance, **more})
 
 
-def turned(torques, distance, substeps=1):
+def turned(torques, distance, substeps=1, **more):
     """Angle of a joint under torques, one a sample, from rest at 0."""
     command = REST + torques[:, None] * UNIT
     track = bench.track("joint", command, pressure=command[0], angle=0.0, angular_velocity=0.0)
-    return np.asarray(bench.simulated(joint(distance), track, substeps).readings["angle"])
+    return np.asarray(bench.simulated(joint(distance, **more), track, substeps).readings["angle"])
 
 
 def stiffness(machine):
@@ -88,6 +88,28 @@ def test_without_a_distance_it_is_the_law_without_bristles_to_the_last_bit():
         assert slip_of_mass(driving, momentum, limit, None, bristle, 0.04) == slip_of_mass(
             driving, momentum, limit
         )
+
+
+@pytest.mark.parametrize("damping_time", [2e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("distance", DISTANCES[1:])
+def test_a_pushed_joint_stays_on_its_bristles(distance, damping_time):
+    """However stiff and however little damped they are, at steps of a sample."""
+    torques = 0.5 * LIMIT * np.minimum(np.arange(1000) / 500, 1.0)
+    angle = turned(torques, distance, damping_time=damping_time)
+    rest = distance * np.log(2.0)  # where the bristles carry half of the limit
+    assert angle.max() < 1.3 * rest and angle[-1] == pytest.approx(rest, rel=0.2)
+
+
+@pytest.mark.parametrize("damping_time", [1e-3, 4e-3])
+def test_damping_of_soft_bristles_is_the_time_times_their_stiffness(damping_time):
+    mass, distance, limit = 0.04, 10.0, jnp.asarray(LIMIT)
+
+    def friction(velocity):
+        bristle = Bristle(jnp.asarray(0.0), jnp.asarray(distance), damping_time)
+        return limit * slip_of_mass(jnp.asarray(0.0), mass * velocity, limit, None, bristle, mass)
+
+    slope = jax.grad(friction)(jnp.asarray(1e-3))
+    assert float(slope) == pytest.approx(damping_time * LIMIT / distance, rel=1e-3)
 
 
 def test_slip_is_the_share_where_nothing_moves_fast():
