@@ -88,12 +88,12 @@ def diagnose(
             nor do single ones that stand out from those beside them
             (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
-            these leave something (more than :data:`~jaxmuscle.diagnosis.verdict.MUCH`, or the verdict would
-            be "unexplained") and the card declares dry friction, they are tried once more beside friction
-            that builds up over a distance (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support
-            that. Where that leaves something too, or a constant of the card does that is found to be wrong,
-            those of :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are
-            tried with them. Each counts if it leaves less.
+            these leave something (more than :data:`~jaxmuscle.diagnosis.verdict.MISSING`, or the verdict
+            would be "unexplained") and the card declares dry friction, they are tried once more beside
+            friction that builds up over a distance (:class:`~jaxmuscle.effects.Presliding`), if unseen
+            windows support that. Where that leaves something too, those of
+            :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are tried with
+            them. Each counts if it leaves less.
             Constants are tried beside the usual effects where these leave something, or bend a value by more
             than three standard deviations of the card; with a `catalogue` of your own, beside it.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
@@ -182,9 +182,8 @@ def _agrees_with_card(second: Diagnosis, first: Diagnosis) -> bool:
 def _leaves_something(diagnosis: Diagnosis) -> bool:
     """Whether a diagnosis leaves so much that further effects are to be tried.
 
-    Nothing is called unexplained before all of them were; and a value of the card that is found to be wrong
-    explains nearly all that was missing, or it imitates an effect (a supply that droops under flow looks like
-    one of a lower pressure).
+    Nothing is called unexplained before all of them were. A few effects, or a value of the card, that leave
+    something may imitate another one: a supply that droops under flow looks like one of a lower pressure.
     """
     something = diagnosis.missing_in_noise > MISSING or diagnosis.verdict == "unexplained"
     return something and diagnosis.share_left > EXPLAINED

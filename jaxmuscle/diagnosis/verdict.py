@@ -23,8 +23,8 @@ IMITATED = 0.5
 unexplained: with more, they imitate part of something else. The right effect leaves up to 0.45 on practice
 recordings (11, a rough bearing), where the wrong ones of an outsider left 0.7."""
 MUCH = 3.0
-"""Root mean square of what is missing, in units of the noise, from which a diagnosis goes on to seek it among
-more effects than the usual ones."""
+"""Root mean square of what is missing, in units of the noise, from which pairs of effects are tried, and
+what refines a friction that was found."""
 EXPLAINED = 0.3
 """Share up to which effects that leave something are taken to be the right ones all the same: a rough bearing
 leaves a few noise units of several hundred (0.03 on practice recording 12)."""

@@ -11,7 +11,7 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.diagnose import LESS, _in_passes
-from jaxmuscle.diagnosis.verdict import MISSING, MUCH
+from jaxmuscle.diagnosis.verdict import MISSING
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -66,7 +66,7 @@ def _no_sensors(monkeypatch):
 
 
 def test_the_usual_effects_are_enough_where_they_leave_nothing():
-    found, asked = passes(Outcome(MUCH, ("creep",)))
+    found, asked = passes(Outcome(MISSING, ("creep",)))
     assert found.added == ("creep",) and asked == [CATALOGUE]
 
 
@@ -77,10 +77,10 @@ def test_a_little_of_much_is_no_reason_to_go_on():
 
 def test_nothing_is_unexplained_before_all_effects_were_tried():
     """Also where little is missing over the windows' first states: all of the recording may hold more."""
-    little = Outcome(MUCH, verdict="unexplained"), Outcome(0.2, ("supply_droop",))
+    little = Outcome(MISSING, verdict="unexplained"), Outcome(0.2, ("supply_droop",))
     found, asked = passes(*little)
     assert found.added == ("supply_droop",) and len(asked) == 2
-    _, asked = passes(Outcome(MUCH, verdict="undecided"))
+    _, asked = passes(Outcome(MISSING, verdict="undecided"))
     assert asked == [CATALOGUE]
 
 

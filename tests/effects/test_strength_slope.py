@@ -36,7 +36,7 @@ SIZES = {
     "volume": 1e-5,
     "thickness": 1e-3,
     "compliance": 1e-5,
-    "distance": 1e-3,
+    "distance": 1e-4,
     "half_width": 1e-3,
     "cubic": 1e-6,
 }
