@@ -14,10 +14,9 @@ STICKING_TIME = 5e-4
 """Time constant with which a sticking mass comes to rest [s]: short against anything that is sampled."""
 DAMPING_TIME = 8 * STICKING_TIME
 """Damping of bristles over their stiffness where nothing else is said [s]."""
-
-
 STIFF = 2.0
-"""Square of a ringing's frequency times the sticking time, as its inverse, at which half of that is added."""
+"""q over (ω τ)², ω the frequency at which a mass rings on its bristles (:func:`softening`). With this a joint
+stays on bristles of 1e-7 to 1e-2 rad at steps of 2 ms, and ringing at 20 to 50 Hz keeps its own damping."""
 
 
 class Bristle(NamedTuple):

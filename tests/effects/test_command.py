@@ -149,7 +149,7 @@ def test_slopes_of_the_limited_rate(inverse_rate):
     at = jnp.array([inverse_rate, 2.0, 2.1, -1.0, 0.9])
     slopes, h = jax.jacfwd(passed)(at), 1e-7
     forward = np.stack([(passed(at + h * e) - passed(at)) / h for e in jnp.eye(5)], axis=1)
-    np.testing.assert_allclose(slopes, forward, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(slopes, forward, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(jax.jacrev(passed)(at), slopes, atol=1e-12)
 
 
