@@ -20,6 +20,12 @@ def pytest_configure(config: pytest.Config) -> None:
         jax.config.update("jax_enable_compilation_cache", False)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests come first: a long one at the end leaves all workers but one idle."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture
 def shared() -> Path:
     """The folder beside the repository with recordings that are not part of it."""

@@ -128,6 +128,13 @@ class CandidateModels:
         """`model` with its declared parameters back at the values of the card."""
         return replace(model, {path: prior.mean for path, prior in self.priors.items()})
 
+    def farthest_from_card(self, model: AbstractActuator, but: Sequence[str] = ()) -> float:
+        """Distance of the declared parameter that is farthest from the card's value, in its standard
+        deviations; of parameters other than the paths `but`.
+        """
+        far = (abs(float(get(model, p)) - q.mean) / q.std for p, q in self.priors.items() if p not in but)
+        return max(far, default=0.0)
+
 
 def _unknown(entry: Parameter, prior: Prior | None, bounds: Bounds = (None, None)) -> Unknown:
     """One entry of the vector, from its value in the model."""

@@ -21,7 +21,6 @@ from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.weights import expected_spread
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import in_background
-from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
 
 MOST_EFFECTS = 3
@@ -79,12 +78,8 @@ class ForwardSelection:
 
     def _contradicts_the_card(self) -> bool:
         """Whether a value has run far from the card's: it may make up for what is missing."""
-        freed = self.bench.freed(self.names)
-        return any(
-            abs(float(get(self.model, path)) - prior.mean) > VIOLATED * prior.std
-            for path, prior in self.bench.priors.items()
-            if path not in freed
-        )
+        freed = [*self.bench.freed(self.names)]
+        return self.bench.farthest_from_card(self.model, but=freed) > VIOLATED
 
     def begin_with(self, effect: type[AbstractEffect]) -> bool:
         """Add one candidate before any other is tried, if unseen windows support it."""

@@ -117,9 +117,11 @@ def _beside(
     """Every other candidate beside `leader`, fitted to everything."""
     names = [*accepted, leader.name]
     present = bench.settled(leader.model, names, problem, STEPS)
+    bases = present.model, bench.with_card_values(present.model)
     others = [effect for effect in rest if effect not in leader.effects]
     found = on_all_cores(
-        lambda effect: search(bench, present.model, names, effect, problem, present, meter), others
+        lambda effect: search(bench, bases, names, effect, problem, present, meter),
+        others,
     )
     return [((*leader.effects, effect), fitted) for effect, fitted in zip(others, found, strict=True)]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidate_search import search, search_work
+from jaxmuscle.diagnosis.candidate_search import search_all, search_work
 from jaxmuscle.diagnosis.candidates import Sought, carries_state, paths_of, without
 from jaxmuscle.diagnosis.evidence import (
     TOLD_APART,
@@ -136,9 +136,7 @@ def rank(
     if accepted:
         meter.expect(round_work(rest, FOLDS))
     present = bench.settled(model, accepted, problem, STEPS)
-    searched = on_all_cores(
-        lambda effect: search(bench, model, accepted, effect, problem, present, meter), rest
-    )
+    searched = search_all(bench, model, accepted, rest, problem, present, meter)
     begun, present = present, _at_its_best(bench, accepted, problem, block, present, rest, searched)
     valley = None if present is begun else present.model
     cost, missed = bench.cost(present.model, problem), _missed(bench, present.model, problem, block)

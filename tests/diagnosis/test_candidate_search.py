@@ -1,4 +1,4 @@
-"""How much a candidate has to explain to be carried on."""
+"""How much a candidate has to explain to be carried on, and from where each is searched."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jaxmuscle.diagnosis.candidate_search import HOPE, LEAST, PLENTY, _needed
+from jaxmuscle.diagnosis import candidate_search
+from jaxmuscle.diagnosis.candidate_search import AGAIN, BENT, HOPE, LEAST, PLENTY, _needed, search_all
+from jaxmuscle.progress import Meter
 
 WINDOWS, SAMPLES, PERIOD, MISSED = 4, 100, 25, 5.0
 EXCESS = WINDOWS * SAMPLES * (MISSED**2 - 1) / 2
@@ -36,3 +38,43 @@ def test_no_less_than_a_likelihood_ratio_that_says_something():
 def test_an_error_as_long_as_the_recording_leaves_candidates_hope():
     """All of it costs 1.6: less than the least fall, which no candidate could have reached."""
     assert needed((1.6 / EXCESS) ** 0.5) == pytest.approx(PLENTY * 1.6)
+
+
+COSTS = {"creep": 7.0, "delay": 3.0, "leak": 5.0, "gravity": 1.0}
+"""Cost of the model with each candidate; that of the last one was not carried on to a minimum."""
+
+
+def searched_from_card(monkeypatch: pytest.MonkeyPatch, distance: float) -> tuple[list[str], list[float]]:
+    """What is searched from the card's values, of a model so far from them, and the costs that are found."""
+    from_card = []
+
+    def search(bench: Any, bases: Any, accepted: Any, effect: Any, *rest: Any) -> Any:
+        cost = COSTS[effect.name]
+        if "card" in bases:
+            from_card.append(effect.name)
+            cost -= 0.5
+        return SimpleNamespace(model=cost, hopeful=effect.name != "gravity")
+
+    monkeypatch.setattr(candidate_search, "search", search)
+    monkeypatch.setattr(candidate_search, "search_work", lambda effect: 1.0)
+    bench: Any = SimpleNamespace(
+        farthest_from_card=lambda model: distance,
+        with_card_values=lambda model: "card",
+        cost=lambda model, problem: float(model),
+    )
+    effects: Any = [SimpleNamespace(name=name) for name in COSTS]
+    nothing: Any = None
+    found = search_all(bench, nothing, [], effects, nothing, nothing, Meter(lambda progress: None))
+    return sorted(from_card), [float(each.model) for each in found]  # pyright: ignore[reportArgumentType]
+
+
+def test_of_a_bent_model_every_candidate_is_searched_from_the_card_too(monkeypatch):
+    names, costs = searched_from_card(monkeypatch, BENT + 0.1)
+    assert names == sorted(COSTS)
+    assert costs == [cost - 0.5 for cost in COSTS.values()]
+
+
+def test_of_one_that_agrees_with_the_card_only_the_best_are(monkeypatch):
+    names, costs = searched_from_card(monkeypatch, BENT - 0.1)
+    assert names == ["delay", "leak"] and len(names) == AGAIN
+    assert costs == [7.0, 2.5, 4.5, 1.0]

@@ -316,7 +316,9 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     whole = jm.diagnose(short(), catalogue=CATALOGUE, constants=False)
     every, most = counts()
     assert [each.name for each in whole.effects] == ["load_friction"]
-    assert every == [("load_damping",), ("load_friction",), ("load_friction", "load_damping")]
+    # The best of a round is searched twice, from the card's values, too.
+    first_round, second_round = [("load_damping",), ("load_friction",)], [("load_friction", "load_damping")]
+    assert [*dict.fromkeys(every)] == first_round + second_round
 
     judged = []
 
@@ -328,12 +330,12 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         jm.diagnose(short(), catalogue=CATALOGUE, constants=False, resume=place, progress=interrupt)
     first, before = counts()
-    assert first == [("load_damping",), ("load_friction",)]
+    assert [*dict.fromkeys(first)] == first_round
     assert [path.name for path in tmp_path.iterdir()] == ["lift.json"]
 
     again = jm.diagnose(short(), catalogue=CATALOGUE, constants=False, resume=place)
     rest, after = counts()
-    assert rest == [("load_friction", "load_damping")]
+    assert [*dict.fromkeys(rest)] == second_round
     assert after < most - before + 4, "only what two threads had begun is made again"
     assert not list(tmp_path.iterdir())
     saved = []
