@@ -126,6 +126,7 @@ class Signals(eqx.Module):
     load: Any = None  # N or N m, what accelerates the load
     position: Any = None  # m or rad, of the load
     velocity: Any = None  # m/s or rad/s
+    limit_over_rest: Any = 1.0  # of all dry friction, its limit in motion over that at rest
     force: Any = None  # N, what the force sensor is loaded with
     force_reading: Any = None  # N, what the force sensor shows
     found: Mapping[str, Any] = eqx.field(default_factory=dict)  # effect with a state → its slot before it

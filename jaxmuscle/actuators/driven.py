@@ -13,7 +13,7 @@ from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.cylinder import tension
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity, with_limit_over_rest
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
 
@@ -63,11 +63,15 @@ class Driven(AbstractImposed):
         )
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
+        signals = with_limit_over_rest(self.effects, signals, self._dry_limit)
         built_up = bristle(self.effects, states, signals)
         slip = slip_of_velocity(state["velocity"], widening=held.widening, bristle=built_up)
-        friction = friction_limit(self.effects, MUSCLE_FORCE, signals) * slip
+        friction = self._dry_limit(signals) * slip
         signals = signals.having(force=tension(signals.muscle_force - friction))
         return self._with(signals, FORCE_READING, signals.force, states)
+
+    def _dry_limit(self, signals: Signals) -> Array | float:
+        return friction_limit(self.effects, MUSCLE_FORCE, signals)
 
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"force": signals.force_reading}

@@ -16,7 +16,7 @@ from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, P
 from jaxmuscle.components.gas import heat_of
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass, with_limit_over_rest
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
     COMMAND,
@@ -295,12 +295,16 @@ class JetPipePiston(AbstractJetPipe):
         rod = self.piston.rod_force(self.stopper_position - self.cylinder.stopper_length - x, v)
         net = self.cylinder.force(signals.pressure) - rod + self.piston.end_force(x, v)
         signals = self._with(signals, LOAD, net - self.piston.viscous_force(v), states)
-        limit = self.piston.dry_limit(v) + friction_limit(self.effects, LOAD, signals)
+        signals = with_limit_over_rest(self.effects, signals, self._dry_limit)
+        limit = self._dry_limit(signals)
         built_up = bristle(self.effects, states, signals)
         mass = self.piston.mass
         slip = slip_of_mass(signals.load, mass * v, limit, held.widening, built_up, mass)
         signals = signals.having(load=signals.load - limit * slip, force=rod)
         return self._with(signals, FORCE_READING, rod, states)
+
+    def _dry_limit(self, signals: Signals) -> Array:
+        return self.piston.dry_limit(signals.velocity) + friction_limit(self.effects, LOAD, signals)
 
     def _flows(self, state: State, supply_pressure: Array) -> tuple[Array, Array, Array]:
         """Flows into the chambers through the ports and past the piston [kg/s], the heat Σ ṁ T they carry."""

@@ -19,7 +19,7 @@ from jaxmuscle.components.antagonist import joint_range
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import altered_muscle, state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass
+from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass, with_limit_over_rest
 from jaxmuscle.effects.transmission import lever, unwound, winding
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
@@ -122,15 +122,20 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
         states = {**state.get("effects", {}), **held.memory}
         signals = self._up_to_the_muscles(state, held, states, SIDES)
         loose = self._load(signals, signals.muscle_force, states)
-        in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(2)
-        in_bearing = friction_limit(self.effects, LOAD, loose)
-        limit = self._radius(signals.position) * in_threads.sum() + in_bearing
+        signals = with_limit_over_rest(self.effects, signals, lambda at: self._dry_limits(at)[0])
+        limit, in_threads, in_bearing = self._dry_limits(signals)
         slip = slip_of_mass(
             loose.load, self.inertia * signals.velocity, limit, held.widening,
-            bristle(self.effects, states, loose), self.inertia,
+            bristle(self.effects, states, signals), self.inertia,
         )  # fmt: skip
         rubbed = self._load(signals, signals.muscle_force - in_threads * SIDES * slip, states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
+
+    def _dry_limits(self, signals: Signals) -> tuple[Array, Array, Array | float]:
+        """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearing [N m]."""
+        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(2)
+        in_bearing = friction_limit(self.effects, LOAD, signals)
+        return self._radius(signals.position) * in_threads.sum() + in_bearing, in_threads, in_bearing
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torque on the joint."""

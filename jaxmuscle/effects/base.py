@@ -146,12 +146,12 @@ class AbstractMemoryEffect(AbstractEffect):
 class AbstractSlipEffect(AbstractMemoryEffect):
     """An effect that changes how dry friction builds up on the way; a machine asks for its :class:`Bristle`.
 
-    The value is the share of the friction's limit that has built up, from -1 to 1. A rig that hands a
+    The value is the share of the friction's limit that has built up. A rig that hands a
     bristle to :func:`slip_of_mass` says so by ``slip`` among its `available` signals.
     """
 
     @abc.abstractmethod
-    def deflection(self) -> Array:
+    def deflection(self, signals: Signals) -> Array:
         """Way over which the friction builds up, in the unit of the motion; zero without the effect."""
 
     @abc.abstractmethod

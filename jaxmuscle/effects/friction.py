@@ -122,14 +122,15 @@ class PressureDependentFriction(AbstractFrictionEffect):
 class Presliding(AbstractSlipEffect):
     r"""Dry friction builds up over a small elastic deflection before anything slides.
 
-    .. math:: f = L z,\quad \frac{dz}{dx} = \frac{1 - z\,\mathrm{sgn}\,\dot x}{δ}
+    .. math:: f = L_0 \left(z + T \dot z\right),\quad
+              \frac{dz}{dx} = \frac{1 - (z/c)\,\mathrm{sgn}\,\dot x}{δ},\quad c = \frac{L(\dot x)}{L_0}
 
-    Dahl (1968), exponent 1, which the LuGre model of Canudas de Wit et al. (IEEE Trans. Automatic Control
-    40, 1995) becomes at low velocities: bristles of stiffness L/δ with L the limit of all dry friction of
-    the machine together (`load_friction`, `thread_friction`, …), without which nothing changes. z is
-    exact over straight moves x [m or rad]. On a mass bristles are damped by T L/δ, T the `damping_time`
-    (:math:`σ_1/σ_0` of LuGre), :func:`jaxmuscle.effects.slip.slip_of_mass`; where the motion is imposed T has
-    no effect. Valid from δ = 0, the law without bristles, upwards.
+    LuGre (Canudas de Wit et al., IEEE Trans. Automatic Control 40, 1995, equations 1 to 3) with
+    :math:`σ_0 = L_0/δ` and :math:`σ_1 = T σ_0`; Dahl (1968), exponent 1, where the limit L of all dry
+    friction of the machine together (`load_friction`, `thread_friction`, …), L_0 at rest, does not change
+    with the velocity. Without such friction nothing changes. z is exact over straight moves x [m or rad] at
+    a constant c. T is the `damping_time` (:func:`jaxmuscle.effects.slip.slip_of_mass`); where the motion is
+    imposed it has no effect. Valid from δ = 0, the law without bristles, upwards.
     """
 
     name: ClassVar = "presliding"
@@ -151,15 +152,16 @@ class Presliding(AbstractSlipEffect):
         return jnp.zeros_like(_moved(signals)), _moved(signals)
 
     def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
-        return self.value(memory, signals), _moved(signals)
+        return signals.limit_over_rest * self.value(memory, signals), _moved(signals)
 
     def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
-        share, before = memory
+        bend, before = memory
+        ratio = signals.limit_over_rest
         distance = jnp.where(self.distance > LEAST_DISTANCE, self.distance, LEAST_DISTANCE)
-        return dahl(share, _moved(signals) - before, distance)
+        return dahl(bend / ratio, _moved(signals) - before, ratio * distance)
 
-    def deflection(self) -> Array:
-        return self.distance
+    def deflection(self, signals: Signals) -> Array:
+        return signals.limit_over_rest * self.distance
 
     def damping(self) -> Array:
         return self.damping_time

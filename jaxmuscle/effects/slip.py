@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -19,8 +20,12 @@ STIFF = 2.0
 stays on bristles of 1e-7 to 1e-2 rad at steps of 2 ms, and ringing at 20 to 50 Hz keeps its own damping."""
 
 
+LEAST_BENDING = 1e-3
+"""Rate of bending over that of straight bristles from which on there is no damping to speak of."""
+
+
 class Bristle(NamedTuple):
-    """Share of the limit to which dry friction has built up, -1 to 1, and the way that it takes.
+    """Share of the limit to which dry friction has built up, and the way that it takes.
 
     `damping_time`: damping over stiffness [s].
     """
@@ -38,11 +43,33 @@ def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | fl
     return sum(limits, start=0.0)
 
 
+def with_limit_over_rest(
+    effects: Effects, signals: Signals, limit: Callable[[Signals], Array | float]
+) -> Signals:
+    """`signals` with the limit of all dry friction over that at rest, where an effect asks for it.
+
+    Args:
+        limit: signals → limit of a machine; at rest where velocities of the load and of its muscles are zero.
+    """
+    if not any(isinstance(effect, AbstractSlipEffect) for effect in effects.values()):
+        return signals
+    still = {
+        name: 0.0 * value
+        for name in ("velocity", "contraction_velocity")
+        if (value := getattr(signals, name)) is not None
+    }
+    moving, at_rest = (jnp.asarray(limit(at)) for at in (signals, signals.having(**still)))
+    some = (moving > 0) & (at_rest > 0)
+    ratio = jnp.where(some, moving, 1.0) / jnp.where(some, at_rest, 1.0)
+    return signals.having(limit_over_rest=ratio)
+
+
 def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | None:
     """How far dry friction has built up; `None` where it acts at once, without an effect on it."""
     for name, effect in effects.items():
         if isinstance(effect, AbstractSlipEffect):
-            return Bristle(effect.value(states.get(name), signals), effect.deflection(), effect.damping())
+            share, way = effect.value(states.get(name), signals), effect.deflection(signals)
+            return Bristle(share, way, effect.damping())
     return None
 
 
@@ -62,9 +89,11 @@ def slip_of_mass(
     of the driving force, which makes the gradient with respect to the limit that of the sliding phase.
 
     With a bristle of distance δ that has built up the share z of the limit the slip is
-    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(τ T)`: one implicit step of
-    length τ for a mass on a spring L/δ with damping T L/δ. It is z where z is slow, is as little stiff as
-    the law above, and at δ = 0 is that law.
+    :math:`\mathrm{clip}((S z + F + m v/τ)/(S + L), -1, 1)`, :math:`S = m δ/(τ T (1 - z s))`: one implicit
+    step of length τ for a mass on a spring L/δ with damping T L/δ, at the rate 1 - z s at which bristles
+    bend when it moves in the sense s (LuGre: Canudas de Wit et al., IEEE Trans. Automatic Control 40, 1995).
+    It is z where z is slow or bent to its end, is as little stiff as the law above, and at δ = 0 is that
+    law. Bent further by fast sliding, bristles hold more than L (:func:`reach`).
 
     Args:
         driving: force F.
@@ -75,12 +104,16 @@ def slip_of_mass(
         mass: m, only needed with a bristle.
     """
     wanted = force_to_rest(driving, momentum, widening)
+    most: Array | float = 1.0
     if bristle is not None:
-        softness = mass * softening(bristle, jnp.asarray(limit) / mass, widening)
+        sense = jnp.sign(wanted - limit * bristle.share)
+        over_mass = jnp.asarray(limit) / mass
+        softness = mass * softening(bristle, over_mass, sense, widening)
         wanted, limit = wanted + softness * bristle.share, limit + softness
+        most = reach(bristle, over_mass, widening)
     some = jnp.asarray(limit) > 0
     ratio = wanted / jnp.where(some, limit, 1.0)
-    return jnp.where(some, jnp.clip(ratio, -1.0, 1.0), jnp.sign(wanted))
+    return jnp.where(some, jnp.clip(ratio, -most, most), jnp.sign(wanted))
 
 
 def force_to_rest(driving: Array, momentum: Array, widening: Array | float | None = None) -> Array:
@@ -88,17 +121,38 @@ def force_to_rest(driving: Array, momentum: Array, widening: Array | float | Non
     return driving + momentum / _widened(STICKING_TIME, widening)
 
 
-def softening(bristle: Bristle, limit: Array, widening: Array | float | None = None) -> Array:
-    r"""S/m of :func:`slip_of_mass`: acceleration that a bristle makes up for, δ/(τ T).
+def reach(bristle: Bristle, limit: Array, widening: Array | float | None = None) -> Array:
+    """Largest share of the limit that dry friction has: 1, or more with bristles bent by fast sliding.
+
+    Not more where they are so stiff that they would spring back within a step. `limit`: L/m.
+    """
+    beyond = jnp.maximum(jnp.abs(bristle.share), 1.0) - 1.0
+    return 1.0 + (1.0 - stiffness(bristle, limit, widening)) * beyond
+
+
+def stiffness(bristle: Bristle, limit: Array, widening: Array | float | None = None) -> Array:
+    """q/(1 + q) of :func:`softening`: from 0, a step follows bristles as they ring, to 1, it does not."""
+    ringing = STIFF * jnp.square(_widened(STICKING_TIME, widening)) * limit
+    whole = ringing + bristle.distance
+    return jnp.where(whole > 0, ringing, 1.0) / jnp.where(whole > 0, whole, 1.0)
+
+
+def softening(bristle: Bristle, limit: Array, sense: Array, widening: Array | float | None = None) -> Array:
+    r"""S/m of :func:`slip_of_mass`: acceleration that a bristle makes up for, :math:`δ/(τ T (1 - z s))`.
 
     Bristles that would ring faster than a step follows are damped as if their time were
-    :math:`T + 8τ\,q/(1 + q)`, :math:`q = 2 τ^2 L/(m δ)`. `limit`: L/m.
+    :math:`T + 8τ\,q/(1 + q)`, :math:`q = 2 τ^2 L/(m δ)`.
+
+    Args:
+        limit: L/m.
+        sense: s, the sign of the motion: bent as far as they go in that sense bristles bend no more, and
+            have no damping.
     """
     sticking = _widened(STICKING_TIME, widening)
-    ringing = STIFF * sticking**2 * limit
-    stiff = ringing / jnp.where(ringing > 0, ringing + bristle.distance, 1.0)
+    stiff = stiffness(bristle, limit, widening)
+    bending = jnp.maximum(1.0 - sense * bristle.share, LEAST_BENDING)
     time = _widened(bristle.damping_time, widening) + _widened(DAMPING_TIME, widening) * stiff
-    return bristle.distance / (sticking * time)
+    return bristle.distance / (sticking * time * bending)
 
 
 def slip_of_velocity(

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxmuscle.components.cylinder import NEAR, Sides, at_stops
-from jaxmuscle.effects.slip import Bristle, force_to_rest, softening
+from jaxmuscle.effects.slip import Bristle, force_to_rest, reach, softening
 from jaxmuscle.parameters import Scalar, parameter
 
 Joints = Float[Array, "... 2"]
@@ -158,11 +158,14 @@ def coupled_slip(
         bristle: how far the friction of each joint has built up; `None` where it acts at once.
     """
     wanted = force_to_rest(driving, mass_matrix @ velocity, widening)
+    most = jnp.ones(2)
     if bristle is not None:
-        wanted, mass_matrix = _on_bristles(wanted, limit, mass_matrix, bristle, widening)
-    resistance, unlimited = _nearest(wanted, _box(limit, stops), mass_matrix)
+        own = mass_matrix
+        wanted, mass_matrix = _on_bristles(wanted, limit, own, bristle, widening)
+        most = reach(bristle, limit / jnp.diagonal(own), widening)
+    resistance, unlimited = _nearest(wanted, _box(most * limit, stops), mass_matrix)
     some = limit > 0
-    share = jnp.clip(resistance / jnp.where(some, limit, 1.0), -1.0, 1.0)
+    share = jnp.clip(resistance / jnp.where(some, limit, 1.0), -most, most)
     return jnp.where(some, share, jnp.sign(unlimited))
 
 
@@ -171,18 +174,18 @@ def _on_bristles(
 ) -> tuple[Pair, Matrix]:
     r"""Force to rest and mass matrix of two joints whose friction builds up on bristles.
 
-    With :math:`H = \mathrm{diag}(L) + S,\ S = M δ/(τ T)` as in :func:`slip_of_mass`, and z the share that
-    has built up, :math:`L H^{-1} (b + S z)` takes the place of b and :math:`L H^{-1} M` that of M.
+    With :math:`E = \mathrm{diag}(δ/(τ T (1 - z s)))`, S/m of :func:`slip_of_mass`, and z the share that has
+    built up, :math:`\bar M = (M^{-1} + E L^{-1})^{-1}` takes the place of M and
+    :math:`\bar M (M^{-1} b + E z)` that of b.
     """
     distance = bristle.distance
     some = jnp.where(limit > 0, limit, LEAST_LIMIT)
-    # Of a distance of zero the root has no slope; what is computed with it is not used then.
-    soft_distance = jnp.where(distance > 0, distance, 1.0)
-    each = softening(bristle._replace(distance=soft_distance), some / jnp.diagonal(mass_matrix), widening)
-    soft = mass_matrix * jnp.sqrt(jnp.outer(each, each))
-    whole = jnp.diag(some) + soft
-    force = some * solved(whole, wanted + soft @ bristle.share)
-    columns = [some * solved(whole, mass_matrix[:, i]) for i in range(2)]
+    sense = jnp.sign(solved(mass_matrix, wanted - some * bristle.share))
+    each = softening(bristle, some / jnp.diagonal(mass_matrix), sense, widening)
+    mobility = jnp.stack([solved(mass_matrix, unit) for unit in jnp.eye(2)], -1)
+    softer = mobility + jnp.diag(each / some)
+    force = solved(softer, mobility @ wanted + each * bristle.share)
+    columns = [solved(softer, unit) for unit in jnp.eye(2)]
     # Exactly as without bristles at a distance of zero, where products would leave rounding.
     present = distance > 0
     return jnp.where(present, force, wanted), jnp.where(present, jnp.stack(columns, -1), mass_matrix)

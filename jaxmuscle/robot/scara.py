@@ -19,7 +19,7 @@ from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.cylinder import at_stops, pressing, tension
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit
+from jaxmuscle.effects.slip import bristle, friction_limit, with_limit_over_rest
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm, between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.kinematics import jacobian, tip
@@ -131,17 +131,23 @@ class Scara(AbstractMuscleJoints):
         states = {**state.get("effects", {}), **held.memory}
         signals = self._up_to_the_muscles(state, held, states, PULLS)
         loose = self._load(signals, signals.muscle_force, states)
-        in_threads = friction_limit(self.effects, MUSCLE_FORCE, loose) * jnp.ones(4)
-        in_bearing = friction_limit(self.effects, LOAD, loose) * jnp.ones(2)
-        limit = self._radius(loose.position) * (np.abs(PULLS) @ in_threads) + in_bearing
+        signals = with_limit_over_rest(self.effects, signals, lambda at: self._dry_limits(at)[0])
+        limit, in_threads, in_bearing = self._dry_limits(signals)
         # A barrier: else XLA computes what leads to a torque once for each of its many uses.
         driving = optimization_barrier(loose.load - self.arm.bias(loose.position, loose.velocity))
         mass = self.arm.mass_matrix(loose.position)
         stops = at_stops(loose.position, *self._ends)
-        built_up = bristle(self.effects, states, loose)
+        built_up = bristle(self.effects, states, signals)
         slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops, built_up)
         rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
         return rubbed.having(load=rubbed.load - in_bearing * slip)
+
+    def _dry_limits(self, signals: Signals) -> tuple[Array, Array, Array]:
+        """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearings [N m]."""
+        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(4)
+        in_bearing = friction_limit(self.effects, LOAD, signals) * jnp.ones(2)
+        limit = self._radius(signals.position) * (np.abs(PULLS) @ in_threads) + in_bearing
+        return limit, in_threads, in_bearing
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torques at the joints."""

@@ -105,7 +105,7 @@ SCENES = {
         "lifting off": lift(8e4, 2.0),
         "falling back": lift(2e4, -5.0, position=0.004, velocity=-0.2),
         "stuck in the air": lift(1.5e5, 0.0, position=0.03),
-        "reversing": lift(1.5e5, 0.0, position=0.03, velocity=0.15),
+        "reversing": lift(1.5e5, 0.0, position=0.03, velocity=0.16),
     },
     "joint": {
         "stuck": swing(2.5e5, 2.5e5, angle=0.01),

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import bench
+from oracles.friction import BRISTLE_TIME
 from oracles.joint import joint
 
 import jaxmuscle.effects.slip
@@ -81,6 +82,20 @@ def test_equals_oracle_with_dry_friction(name):
     pressure, angle = deviations(name)
     assert pressure < 5e-6
     assert angle < 2e-3
+
+
+@pytest.mark.slow
+def test_threads_on_bristles_equal_the_oracle():
+    """Friction of threads is several times that at rest in motion: bristles bend on, as in LuGre."""
+    effects = {"thread_friction": bench.THREADS, "presliding": {"distance": 2e-3}}
+    angle = joint(CARD, effects, COMMAND, bench.STEPS["joint"], COMMAND[0], 0.0, 40)[2]
+    effects["presliding"]["damping_time"] = BRISTLE_TIME
+    bent, sharp = (
+        bench.simulated(machine, bench.joint_track(COMMAND), 16).readings["angle"]
+        for machine in (bench.model("joint", **effects), bench.model("joint", **DRY["thread_friction"]))
+    )
+    assert bench.deviation(bent, angle) < 2e-3
+    assert bench.deviation(sharp, angle) > 2e-2
 
 
 def test_dry_friction_approaches_the_sharp_law(monkeypatch):
