@@ -24,7 +24,8 @@ from jaxmuscle.diagnosis.candidates import (
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import blocks, telling_excess
 from jaxmuscle.diagnosis.settled_fit import SettledFit
-from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench
+from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench, squares
+from jaxmuscle.estimation.residuals import evaluate
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import parameters, replace
@@ -168,7 +169,7 @@ def _best_start(
     noise: float,
 ) -> AbstractActuator:
     """`base` with the strength and shape of `effect` at which the cost is least."""
-    path = strength_path(effect)
+    path, problem = strength_path(effect), bench.seen_by(base, problem)
     tries = []
     for shape in shapes(effect):
         shaped = replace(base, shape)
@@ -177,7 +178,7 @@ def _best_start(
         else:
             found = _strengths(bench, shaped, accepted, effect, problem, noise)
             tries += [replace(shaped, of_strength(effect, strength, shaped)) for strength in found]
-    return min(tries, key=lambda trial: bench.cost(trial, problem), default=base)
+    return min(tries, key=lambda trial: squares(evaluate(trial, problem)), default=base)
 
 
 def _strengths(

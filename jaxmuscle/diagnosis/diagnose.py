@@ -36,6 +36,7 @@ from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask
 from jaxmuscle.estimation.outliers import bad_rows
+from jaxmuscle.estimation.predicted_inputs import TRUSTED, predictable_inputs
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench
@@ -147,15 +148,22 @@ def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) 
 def _in_passes(
     seek: Callable[..., Diagnosis], further: Sequence[type[AbstractEffect]], constants: bool
 ) -> Diagnosis:
-    """A diagnosis among the usual effects; where these leave something, with dry friction that builds up over
-    a distance before any of them, where there is such friction; with constants of the card beside them, also
-    where a value ran from the card instead; and then among all.
+    """A diagnosis among the usual effects; where these leave something, from then on with inputs of links as
+    predicted: among the same effects; with dry friction that builds up over a distance before any of them,
+    where there is such friction; with constants of the card beside them, also where a value ran from the card
+    instead; and then among all.
 
     What is left on the training data decides, everywhere: held-out data have no say.
     """
     usual, first = (*CATALOGUE, *further), None
     best = seek(usual)
     seconds = best.seconds
+    if _leaves_something(best):
+        seek = partial(seek, predicting=True)
+        if _predicts_inputs(best):
+            again = seek(usual)
+            seconds += again.seconds
+            best = again if _better(again, best) else best
     if _leaves_something(best) and _has_dry_friction(best.declared):
         rough = seek((*usual, Presliding), Presliding)
         seconds += rough.seconds
@@ -187,6 +195,14 @@ def _leaves_something(diagnosis: Diagnosis) -> bool:
     """
     something = diagnosis.missing_in_noise > MISSING or diagnosis.verdict == "unexplained"
     return something and diagnosis.share_left > EXPLAINED
+
+
+def _predicts_inputs(diagnosis: Diagnosis) -> bool:
+    """Whether its model predicts inputs of links so well that they may take the place of readings."""
+    model, errors = diagnosis.model, diagnosis.after["training"]
+    outputs = predictable_inputs(model).values()
+    off = [errors[column].in_noise for output in outputs for column in model.outputs[output]]
+    return bool(off) and max(off) <= TRUSTED
 
 
 def _better(second: Diagnosis, first: Diagnosis) -> bool:
@@ -226,6 +242,7 @@ def _diagnosed(
     *,
     constants: bool = False,
     refinements: Sequence[type[AbstractEffect]] = (),
+    predicting: bool = False,
     meter: Meter,
     checkpoint: Checkpoint,
 ) -> Diagnosis:
@@ -234,6 +251,7 @@ def _diagnosed(
     Args:
         first: an effect without which none of the others is tried.
         refinements: effects that are tried once a dry friction was found.
+        predicting: whether links have inputs as models predict them, where they may.
     """
     begin = time.perf_counter()
     actuator = ready.case.actuator
@@ -246,6 +264,7 @@ def _diagnosed(
         constants=sought,
         refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
         checkpoint=checkpoint,
+        predicting=predicting,
     )
     meter.expect(DECLARED + round_work([*candidates, *sought], FOLDS) + CONCLUSION)
     selection = forward_selection(ready.case, bench, meter, first)

@@ -29,6 +29,7 @@ from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.free_parameters import moved_machine
 from jaxmuscle.estimation.losses import Squares
 from jaxmuscle.estimation.objective import Objective, SharedProgram
+from jaxmuscle.estimation.predicted_inputs import with_inputs_of, with_predicted_inputs
 from jaxmuscle.estimation.residual_layout import ResidualLayout
 from jaxmuscle.estimation.residuals import Evaluated, evaluate
 from jaxmuscle.estimation.weights import Discrepancy
@@ -84,11 +85,14 @@ class Workbench(CandidateModels):
         case: the recording, made ready.
         width: number of tangents of a fit.
         checkpoint: keeps what is finished for a diagnosis that goes on after an interruption.
+        predicting: whether links have inputs as the model that is looked at predicts them, where it may
+            (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`); else as measured.
     """
 
     case: Case
     width: int
     checkpoint: Checkpoint = NOTHING_KEPT
+    predicting: bool = False
 
     def objective(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
@@ -110,6 +114,12 @@ class Workbench(CandidateModels):
     def program(self, model: AbstractActuator) -> SharedProgram:
         """What evaluates every fit of models of one structure."""
         return SharedProgram(tuple(self.order(model)), self.width)
+
+    def seen_by(self, model: AbstractActuator, problem: Problem) -> Problem:
+        """A problem with inputs of links as they are for `model`."""
+        if not self.predicting:
+            return problem
+        return with_predicted_inputs(model, with_inputs_of(problem, self.case.problem))
 
     def best_fit(
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
@@ -169,7 +179,7 @@ class Workbench(CandidateModels):
             kind: what is done; `inputs`: all that determines its outcome beside model, effects and recording.
             passed_over: called in place of `compute` where the checkpoint has it.
         """
-        of = self.bare(model, effects), list(effects), inputs
+        of = self.bare(model, effects), list(effects), (self.predicting, inputs)
 
         def restored(record: object) -> SettledFit:
             passed_over()
@@ -220,6 +230,7 @@ class Workbench(CandidateModels):
         """
         model = self.dressed(model, effects)
         paths = self.free_paths(model, effects)
+        problem = self.seen_by(model, problem)
         factors = {out: np.ones(1) for out in problem.weights} if factors is None else factors
         objective = self.objective(model, problem.reweighted(factors), paths, effects)
         unknowns, samples = objective.unknowns, objective.samples
@@ -248,11 +259,11 @@ class Workbench(CandidateModels):
 
     def residuals(self, model: AbstractActuator, problem: Problem) -> Evaluated:
         """Weighted residuals."""
-        return evaluate(model, problem)
+        return evaluate(model, self.seen_by(model, problem))
 
     def cost(self, model: AbstractActuator, problem: Problem) -> float:
         """Half the sum of squared weighted residuals, without priors."""
-        return 0.5 * sum(float((r**2).sum()) for r in self.residuals(model, problem).values())
+        return squares(self.residuals(model, problem))
 
     def mean_squares(self, model: AbstractActuator, problem: Problem) -> dict[str, float]:
         """Mean square weighted residual of every output, 1 being what noise and smoothing leave."""
@@ -282,6 +293,11 @@ class Workbench(CandidateModels):
         return np.concatenate([whole, priors[0]]), np.concatenate([by_value, priors[1]], axis=1)
 
 
+def squares(residuals: Evaluated) -> float:
+    """Half the sum of squares."""
+    return 0.5 * sum(float((r**2).sum()) for r in residuals.values())
+
+
 def workbench(
     case: Case,
     candidates: Sequence[type[AbstractEffect]],
@@ -289,6 +305,7 @@ def workbench(
     constants: Sequence[CardConstant] = (),
     refinements: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
+    predicting: bool = False,
 ) -> Workbench:
     """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
     candidates = [*candidates, *refinements]
@@ -307,4 +324,5 @@ def workbench(
         case,
         width,
         checkpoint,
+        predicting,
     )

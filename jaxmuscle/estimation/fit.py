@@ -272,9 +272,11 @@ def fit(
 ) -> FitResult:
     """Fit parameters of a machine and of the sensors to one or more recordings of its rig.
 
-    In windows of the card's horizon each link of the chain predicts its output from its measured inputs, as
-    in a diagnosis. Starts are brought down on short parts of a window, where the cost is smooth, then on
-    longer ones and on whole windows, with weights that allow for what the smoothed states leave uncertain.
+    In windows of the card's horizon each link of the chain predicts its output from its inputs, as in a
+    diagnosis. Starts are brought down on short parts of a window, where the cost is smooth, then on longer
+    ones and on whole windows, with weights that allow for what the smoothed states leave uncertain. Inputs of
+    links are as measured, at last as the fitted model predicts them if less is left so
+    (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`).
     A known quantity on which the cards differ is each recording's own.
 
     Args:

@@ -41,7 +41,7 @@ class FitData:
         tests: whiteness of the residuals and independence of the inputs.
         noise: recording → column → noise.
         predictions: recording → table over time: measured column, ``COLUMN fitted`` (each link with its
-            measured inputs, as it was fitted), ``COLUMN std`` (of a reading about it: 95 % lie within 1.96
+            inputs as it was fitted), ``COLUMN std`` (of a reading about it: 95 % lie within 1.96
             of them) and ``COLUMN predicted`` (from the command alone, window by window); NaN where nothing
             counts or is predicted.
         cards: recording → its card.

@@ -14,6 +14,12 @@ from jaxmuscle.estimation.dataset import Station, in_parts, widened
 from jaxmuscle.estimation.deferred_correction import refined
 from jaxmuscle.estimation.initial_states import loosened
 from jaxmuscle.estimation.objective import Objective
+from jaxmuscle.estimation.predicted_inputs import (
+    command_errors,
+    predicts_better,
+    with_inputs_of,
+    with_predicted_inputs,
+)
 from jaxmuscle.estimation.weights import weighted
 from jaxmuscle.optimization.descents import BUDGET, FAILED, Course, Lane, Limits, Local, best
 from jaxmuscle.optimization.levenberg_marquardt import descend
@@ -97,6 +103,8 @@ MOST_NUMBERS = 4e7
 """Derivatives in one program at most, which bounds its starts."""
 FIRST_SHARE = 0.4
 """Part of the budget after which the search on quarters has to end."""
+INPUTS = 2
+"""Times that inputs of links are predicted: by what was fitted with them as measured, then by that fit."""
 ROUNDS = 8
 """Times at most that the weights are taken anew from the residuals."""
 
@@ -159,8 +167,12 @@ def search(task: Search) -> Found:
         parts = dataclasses.replace(objective, stations=stations)
         parts = task.reweighed(parts, winner_of(lanes).u if lanes else task.points[0])
         lanes = descend_distinct(parts, points, failed, first, counted.on(stage))
-    by_sensors = loosened(weighted(objective, winner_of(lanes).u), winner_of(lanes).u)
+    measured = objective
+    by_sensors = loosened(weighted(measured, winner_of(lanes).u), winner_of(lanes).u)
     objective, lanes = _on_whole_windows(task, by_sensors, lanes, limits, counted.on("whole windows"))
+    own = _with_inputs_predicted(task, measured, lanes, limits, counted.on("inputs as predicted"))
+    if own is not None and predicts_better(*(_command_errors(measured, each) for each in (own[2], lanes))):
+        by_sensors, objective, lanes = own
     winner = winner_of(lanes)
     sharper = _sharper(by_sensors, winner, task)
     if sharper is not by_sensors:
@@ -171,6 +183,49 @@ def search(task: Search) -> Found:
     if task.reweigh is not None:
         objective, lanes = _with_own_weights(task, by_sensors, lanes, limits, counted)
     return Found(objective, winner_of(lanes), tuple(lanes), task.points, limits, counted.total)
+
+
+def _with_inputs_predicted(
+    task: Search,
+    measured: Objective,
+    lanes: Sequence[Lane],
+    limits: Limits,
+    tell: Callable[[Course], None],
+) -> tuple[Objective, Objective, list[Lane]] | None:
+    """The objective with inputs of links as predicted, that with the weights asked for, and its minima.
+
+    `None` where nothing is predicted: no link has such an input, the model is wrong about it, or there is no
+    time left.
+    """
+    found = None
+    for _ in range(INPUTS):
+        winner = winner_of(lanes)
+        inputs = predicted_at(measured, winner.u)
+        if inputs is measured or time.monotonic() > task.deadline:
+            break
+        by_sensors, (points, failed) = loosened(weighted(inputs, winner.u), winner.u), ends(lanes)
+        objective = task.reweighed(by_sensors, winner.u)
+        lanes = descend_distinct(objective, points, failed, limits, tell)
+        found = by_sensors, objective, lanes
+    return found
+
+
+def predicted_at(objective: Objective, u: Float[np.ndarray, " k"]) -> Objective:
+    """The objective with inputs of links as predicted at u; itself where none is."""
+    stations = []
+    for number, station in enumerate(objective.stations):
+        machine, moved = objective.moved(number, u)
+        whole = dataclasses.replace(station.problem, begin=moved.begin)
+        inputs = with_inputs_of(station.problem, with_predicted_inputs(machine, whole))
+        stations.append(dataclasses.replace(station, problem=inputs))
+    same = all(a.problem is b.problem for a, b in zip(stations, objective.stations, strict=True))
+    return objective if same else dataclasses.replace(objective, stations=stations)
+
+
+def _command_errors(objective: Objective, lanes: Sequence[Lane]) -> Float[np.ndarray, " windows"]:
+    """Errors of predictions from the command alone, at the best of several minima; of all recordings."""
+    u, numbers = winner_of(lanes).u, range(len(objective.stations))
+    return np.concatenate([command_errors(*objective.moved(number, u)) for number in numbers])
 
 
 def _with_own_weights(

@@ -31,7 +31,7 @@ def predictions(
 ) -> dict[str, pd.DataFrame]:
     """Recording → table over time of every output's column: measured, fitted, its deviation, predicted.
 
-    ``fitted`` comes from the links, each with its measured inputs; ``predicted`` from the command alone,
+    ``fitted`` comes from the links, each with its inputs as in the fit; ``predicted`` from the command alone,
     window by window. Both as the sensor shows it, its errors included. ``std`` is what a reading is expected
     to deviate from ``fitted`` by: the parameters' uncertainty, that of the states where windows begin, and
     the sensor's noise, or the size of the residuals (of 95 % of them) where that is larger.

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.diagnose import LESS, _in_passes
+from jaxmuscle.diagnosis.diagnose import LESS, _in_passes, _leaves_something, _predicts_inputs
 from jaxmuscle.diagnosis.verdict import MISSING
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
+from jaxmuscle.estimation.predicted_inputs import TRUSTED
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
@@ -48,11 +49,18 @@ class Outcome:
         return tuple(Added(name) for name in self.names)
 
 
-def passes(*outcomes, constants=False):
-    """The outcome, and with what each pass was asked to choose from."""
-    asked, left = [], list(outcomes)
+def passes(*outcomes, constants=False, predicted=None):
+    """The outcome, and with what each pass was asked to choose from.
 
-    def seek(catalogue, first=None, constants=False):
+    `predicted`: outcome of the usual effects with inputs of links as predicted; nothing found if `None`.
+    """
+    asked, left, first_asked = [], list(outcomes), []
+
+    def seek(catalogue, first=None, constants=False, predicting=False):
+        first_asked.append(catalogue)
+        if predicting and first is None and not constants and catalogue == first_asked[0]:
+            return predicted or dataclasses.replace(outcomes[0], names=(), seconds=0.0)
+        assert predicting == (bool(asked) and _leaves_something(outcomes[0]))
         chosen = catalogue if first is None else (first, catalogue)
         asked.append(("constants", chosen) if constants else chosen)
         return left.pop(0)
@@ -61,13 +69,32 @@ def passes(*outcomes, constants=False):
 
 
 @pytest.fixture(autouse=True)
-def _no_sensors(monkeypatch):
+def _without_a_machine(monkeypatch):
     monkeypatch.setattr(module, "reading_effects", lambda rig: ("sensor_offset",))
+    monkeypatch.setattr(module, "_predicts_inputs", lambda diagnosis: True)
 
 
 def test_the_usual_effects_are_enough_where_they_leave_nothing():
     found, asked = passes(Outcome(MISSING, ("creep",)))
     assert found.added == ("creep",) and asked == [CATALOGUE]
+
+
+def test_usual_effects_are_tried_with_inputs_as_predicted():
+    again = Outcome(0.9, ("creep",))
+    found, asked = passes(Outcome(9.0), predicted=again)
+    assert found.added == ("creep",) and found.seconds == 20.0 and asked == [CATALOGUE]
+    found, asked = passes(Outcome(9.0, ("load_friction",)), Outcome(8.0), predicted=Outcome(8.9, ("creep",)))
+    assert found.added == ("load_friction",) and len(asked) == 2
+
+
+@pytest.mark.parametrize(("off", "asks"), [(1.4, True), (TRUSTED + 0.1, False), (None, False)])
+def test_inputs_are_predicted_where_the_model_knows_them(monkeypatch, off, asks):
+    monkeypatch.undo()
+    column = SimpleNamespace(in_noise=off)
+    machine: Any = SimpleNamespace(outputs={"pressure": ("pressure_1",)})
+    monkeypatch.setattr(module, "predictable_inputs", lambda model: {} if off is None else {"p": "pressure"})
+    found: Any = SimpleNamespace(model=machine, after={"training": {"pressure_1": column}})
+    assert _predicts_inputs(found) == asks
 
 
 def test_a_little_of_much_is_no_reason_to_go_on():
