@@ -90,9 +90,11 @@ def diagnose(
             (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
             these leave something (more than :data:`~jaxmuscle.diagnosis.verdict.MISSING`, or the verdict
-            would be "unexplained") and the card declares dry friction, they are tried once more beside
-            friction that builds up over a distance (:class:`~jaxmuscle.effects.Presliding`), if unseen
-            windows support that. Where that leaves something too, those of
+            would be "unexplained"), they are tried once more with inputs of links as predicted
+            (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`), and where the card
+            declares dry friction once more beside friction that builds up over a distance
+            (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
+            something too, those of
             :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are tried with
             them. Each counts if it leaves less.
             Constants are tried beside the usual effects where these leave something, or bend a value by more

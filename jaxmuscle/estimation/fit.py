@@ -275,9 +275,9 @@ def fit(
     In windows of the card's horizon each link of the chain predicts its output from its inputs, as in a
     diagnosis. Starts are brought down on short parts of a window, where the cost is smooth, then on longer
     ones and on whole windows, with weights that allow for what the smoothed states leave uncertain. Inputs of
-    links are as measured, at last as the fitted model predicts them if less is left so
-    (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`).
-    A known quantity on which the cards differ is each recording's own.
+    links are as measured, and at last as the fitted model predicts them, where it surely predicts better so
+    (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`). A known quantity on which the
+    cards differ is each recording's own.
 
     Args:
         actuator: the machine, of a class of yours or ours; what is not free stays as it is there.

@@ -27,12 +27,12 @@ def with_predicted_inputs(model: AbstractActuator, measured: Problem) -> Problem
 
     A link takes its inputs as they were measured, and their noise moves its prediction: a joint turns by
     several noise units with an error of a pressure that lasts for a second. Where the model is right about
-    such an input, what it predicts of it has nothing of the sensor's noise (instrumental variables: Young,
-    Recursive Estimation and Time-Series Analysis, 2011, chapter 7). It takes the reading's place where both
-    agree (:data:`TRUSTED`). Values are predicted from the command alone, window by window from the state
-    measured where the window begins; where readings do not count they stay as they are. The prediction of the
-    input's own link would not do: that of a lift's pressure has the measured position in it, which the next
-    link is to predict.
+    such an input, what it predicts of it has nothing of the sensor's noise (as an instrumental variable:
+    Young, Recursive Estimation and Time-Series Analysis, 2011). It takes the reading's place where both agree
+    (:data:`TRUSTED`). Values are predicted from the command alone, window by window from the state measured
+    where the window begins; where readings do not count they stay as they are. The prediction of the input's
+    own link would not do: that of a lift's pressure has the measured position in it, which the next link is
+    to predict.
 
     Whether it is better than the input as measured, fits with both have to tell (:func:`predicts_better`): a
     model that was fitted with inputs as measured is bent to their errors.
