@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from estimation.made import pulled
@@ -96,7 +97,7 @@ def test_rows_that_do_not_count_stay_as_measured():
     measured, _ = problem_of("joint")
     weights = np.array(measured.weights["pressure"])
     weights[1, 20:40, 0] = 0.0
-    gap = measured.with_weights({**measured.weights, "pressure": weights})
+    gap = measured.with_weights({**measured.weights, "pressure": jnp.asarray(weights)})
     predicted = with_predicted_inputs(MACHINES["joint"], gap)
     rows = measured.sample_rows[1, 20:40]
     before, after = (np.asarray(each.track.measured["pressure"])[rows] for each in (gap, predicted))
