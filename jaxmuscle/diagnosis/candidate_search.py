@@ -132,7 +132,6 @@ def _search(
 ) -> SettledFit:
     names = [*accepted, effect.name]
     fits = []
-    weighed = problem.reweighted(present.factors)
     readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
     noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
     needed = _needed(bench, present, problem)
@@ -142,7 +141,10 @@ def _search(
         meter.did(part * search_work(effect) / len(bases), f"trying {effect.name}")
 
     for base in bases:
-        begin = _best_start(bench, bench.dressed(base, names), accepted, effect, weighed, noise)
+        dressed = bench.dressed(base, names)
+        # Whether a model knows an input is asked by the noise of its sensor, before weights allow for more.
+        weighed = bench.seen_by(dressed, problem).reweighted(present.factors)
+        begin = _best_start(bench, dressed, accepted, effect, weighed, noise)
         did(STARTED)
         fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors, goal))
         did(1 - STARTED)
@@ -169,7 +171,7 @@ def _best_start(
     noise: float,
 ) -> AbstractActuator:
     """`base` with the strength and shape of `effect` at which the cost is least."""
-    path, problem = strength_path(effect), bench.seen_by(base, problem)
+    path = strength_path(effect)
     tries = []
     for shape in shapes(effect):
         shaped = replace(base, shape)
