@@ -146,8 +146,9 @@ class AbstractMemoryEffect(AbstractEffect):
 class AbstractSlipEffect(AbstractMemoryEffect):
     """An effect that changes how dry friction builds up on the way; a machine asks for its :class:`Bristle`.
 
-    The value is the share of the friction's limit that has built up. A rig that hands a
-    bristle to :func:`slip_of_mass` says so by ``slip`` among its `available` signals.
+    The value is the share of the friction's limit that has built up. A rig that hands a bristle to
+    :func:`slip_of_mass` says so by ``slip`` among its `available` signals, and before it asks for the bristle
+    fills in how large the limit is over that at rest (:func:`with_limit_over_rest`).
     """
 
     @abc.abstractmethod

@@ -38,7 +38,7 @@ def with_predicted_inputs(model: AbstractActuator, measured: Problem) -> Problem
     model that was fitted with inputs as measured is bent to their errors.
 
     Args:
-        measured: whole windows, inputs as measured.
+        measured: windows, whole or cut into parts, inputs as measured.
     """
     inputs = predictable_inputs(model)
     if not inputs:
