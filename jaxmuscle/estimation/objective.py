@@ -10,7 +10,7 @@ from functools import cached_property, partial
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -19,7 +19,13 @@ from jaxmuscle.estimation.dataset import Station
 from jaxmuscle.estimation.fingerprint import digest
 from jaxmuscle.estimation.free_parameters import Unknowns
 from jaxmuscle.estimation.losses import Loss
-from jaxmuscle.estimation.residuals import evaluate, moved, values_and_chosen_slopes, values_and_slopes
+from jaxmuscle.estimation.residuals import (
+    evaluate,
+    moved,
+    moved_as_measured,
+    values_and_chosen_slopes,
+    values_and_slopes,
+)
 from jaxmuscle.estimation.serialization import arrays, plain, restored
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.optimization.descents import BROKEN, Local
@@ -94,10 +100,13 @@ class Objective:
         self, number: int, u: Vector, problem: Problem | None = None
     ) -> tuple[AbstractActuator, Problem]:
         """Machine and problem of one recording at the coordinates u; `problem`: another form of its own."""
-        station, index = self.stations[number], self.unknowns.acting_on(number)
-        values = [jnp.asarray(x) for x in self.unknowns.values(u)[index]]
+        station = self.stations[number]
         whole = station.problem if problem is None else problem
-        return moved(station.actuator, whole, self.paths(number), values)
+        return moved(station.actuator, whole, self.paths(number), self._values(number, u))
+
+    def _values(self, number: int, u: Vector) -> list[Array]:
+        """Values (SI) that act on one recording."""
+        return [jnp.asarray(x) for x in self.unknowns.values(u)[self.unknowns.acting_on(number)]]
 
     def at(self, points: Float[np.ndarray, "lanes k"]) -> list[Local]:
         """Cost and derivatives at several points."""
@@ -167,7 +176,8 @@ class Objective:
         """Residuals of all recordings and distances from the priors, without derivatives."""
         parts = []
         for number, station in enumerate(self.stations):
-            found = evaluate(*self.moved(number, u))
+            values, paths = self._values(number, u), self.paths(number)
+            found = evaluate(*moved_as_measured(station.actuator, station.problem, paths, values))
             r = np.concatenate([found[link.output].ravel() for link in station.actuator.links])
             parts.append(station.whitened(np.where(np.abs(r) < BROKEN, r, np.nan)))
         return np.concatenate([*parts, self.unknowns.prior_residuals(u)])

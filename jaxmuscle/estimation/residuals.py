@@ -143,10 +143,22 @@ def moved(
 ) -> tuple[AbstractActuator, Problem]:
     """The machine and the problem with the given values (SI) at the paths.
 
+    What the machine's sensors measured is freed of their errors where it is a state from which windows begin
+    or which is imposed: here already, so that those who move a state at a window's beginning move the one
+    that it begins with.
+    """
+    machine, problem = moved_as_measured(actuator, problem, paths, values)
+    return machine, freed(problem, machine)
+
+
+def moved_as_measured(
+    actuator: AbstractActuator, problem: Problem, paths: Sequence[str], values: Sequence[Array]
+) -> tuple[AbstractActuator, Problem]:
+    """The same, but the states as measured, for functions that free them of sensors' errors in compiled code.
+
     The offset of a sensor is an effect of the machine (:class:`SensorOffset`) like those of a card or of a
-    diagnosis: what it measured is freed of it where it is a state from which windows begin or which is
-    imposed, and predictions of its readings have it. A state at the first sample takes the place of what was
-    measured there, or of rest.
+    diagnosis, and predictions of its readings have it. A state at the first sample takes the place of what
+    was measured there, or of rest.
     """
     given = dict(zip(paths, values, strict=True))
     machine = replace(actuator, {path: v for path, v in given.items() if of_machine(path)})
@@ -158,9 +170,7 @@ def moved(
     begin = {path.removeprefix(START): v for path, v in given.items() if path.startswith(START)}
     if begin:
         problem = dataclasses.replace(problem, begin={**problem.begin, **begin})
-    machine = machine.with_effects(**offsets) if offsets else machine
-    # Here already, so that those who move a state at a window's beginning move the one that it begins with.
-    return machine, freed(problem, machine)
+    return machine.with_effects(**offsets) if offsets else machine, problem
 
 
 def freed(problem: Problem, actuator: AbstractActuator) -> Problem:
