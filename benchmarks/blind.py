@@ -249,6 +249,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     arguments = parser.parse_args()
     start = time.perf_counter()
+    jm.configure(compile_cache=True)
     only = arguments.only_effect is not None
     names = [arguments.only_effect] if only else arguments.names
     rows = run(arguments.count, arguments.rigs, arguments.file, names, only, arguments.begin)
