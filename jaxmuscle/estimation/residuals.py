@@ -154,8 +154,9 @@ def moved(
 def moved_as_measured(
     actuator: AbstractActuator, problem: Problem, paths: Sequence[str], values: Sequence[Array]
 ) -> tuple[AbstractActuator, Problem]:
-    """The same, but the states as measured, for functions that free them of sensors' errors in compiled code.
+    """The machine and the problem of :func:`moved` with the states as measured.
 
+    For functions that free them of sensors' errors themselves, in compiled code, as :func:`evaluate` does.
     The offset of a sensor is an effect of the machine (:class:`SensorOffset`) like those of a card or of a
     diagnosis, and predictions of its readings have it. A state at the first sample takes the place of what
     was measured there, or of rest.
