@@ -220,7 +220,7 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     asked = Asked(free, priors={**priors, **dict.fromkeys(freed)}, bounds=bounds)
     held_out, none = held_out_rows(case), np.zeros(len(case.recording), dtype=bool)
     unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
-    program, given = bench.program(model), (case.recording,)
+    program, given = bench.program(model, names), (case.recording,)
     found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
     lean = bench.bare(found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))

@@ -131,7 +131,9 @@ def diagnose(
                 _diagnosed, _prepared(whole, kept_out, ignored), meter=meter, checkpoint=checkpoint
             )
             if catalogue is not None:
-                return seek(chosen, constants=constants)
+                found = seek(chosen, constants=constants)
+                assert found is not None
+                return found
             return _in_passes(partial(seek, refinements=(Presliding,)), further, constants)
 
         return interruptible(work, meter.stop)
@@ -148,7 +150,7 @@ def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) 
 
 
 def _in_passes(
-    seek: Callable[..., Diagnosis], further: Sequence[type[AbstractEffect]], constants: bool
+    seek: Callable[..., Diagnosis | None], further: Sequence[type[AbstractEffect]], constants: bool
 ) -> Diagnosis:
     """A diagnosis among the usual effects; where these leave something, from then on with inputs of links as
     predicted: among the same effects; with dry friction that builds up over a distance before any of them,
@@ -157,30 +159,29 @@ def _in_passes(
 
     What is left on the training data decides, everywhere: held-out data have no say.
     """
+    begin = time.perf_counter()
     usual, first = (*CATALOGUE, *further), None
     best = seek(usual)
-    seconds = best.seconds
+    assert best is not None  # the first one concludes whatever it finds
+    seek = partial(seek, if_found=True)
     if _leaves_something(best):
         seek = partial(seek, predicting=True)
         if _predicts_inputs(best):
             again = seek(usual)
-            seconds += again.seconds
-            best = again if _better(again, best) else best
+            best = again if again and _better(again, best) else best
     if _leaves_something(best) and _has_dry_friction(best.declared):
         rough = seek((*usual, Presliding), Presliding)
-        seconds += rough.seconds
-        if _better(rough, best):
+        if rough and _better(rough, best):
             best, first = rough, Presliding
     own = (Presliding,) if first else ()
     if constants and (_leaves_something(best) or best.violated_priors):
         fallible = seek((*usual, *own), first, constants=True)
-        seconds += fallible.seconds
-        best = fallible if _better(fallible, best) or _agrees_with_card(fallible, best) else best
+        if fallible and (_better(fallible, best) or _agrees_with_card(fallible, best)):
+            best = fallible
     if _leaves_something(best):
         every = seek((*usual, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
-        seconds += every.seconds
-        best = every if _better(every, best) else best
-    return dataclasses.replace(best, seconds=seconds)
+        best = every if every and _better(every, best) else best
+    return dataclasses.replace(best, seconds=time.perf_counter() - begin)
 
 
 def _agrees_with_card(second: Diagnosis, first: Diagnosis) -> bool:
@@ -245,15 +246,17 @@ def _diagnosed(
     constants: bool = False,
     refinements: Sequence[type[AbstractEffect]] = (),
     predicting: bool = False,
+    if_found: bool = False,
     meter: Meter,
     checkpoint: Checkpoint,
-) -> Diagnosis:
+) -> Diagnosis | None:
     """A search among a catalogue; `constants`: whether those of the card are among the candidates.
 
     Args:
         first: an effect without which none of the others is tried.
         refinements: effects that are tried once a dry friction was found.
         predicting: whether links have inputs as models predict them, where they may.
+        if_found: whether it ends with `None` where nothing was found: what is left then needs no last fit.
     """
     begin = time.perf_counter()
     actuator = ready.case.actuator
@@ -262,7 +265,6 @@ def _diagnosed(
     bench = workbench(
         ready.case,
         candidates,
-        carried=[first] if first in candidates else [],
         constants=sought,
         refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
         checkpoint=checkpoint,
@@ -273,6 +275,9 @@ def _diagnosed(
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):
         selection.seek()
+    if if_found and not selection.found:
+        meter.skip_to(0.0, "nothing more was found")
+        return None
     meter.skip_to(CONCLUSION, "predicting the held-out data")
     outcome = Outcome(
         declared,

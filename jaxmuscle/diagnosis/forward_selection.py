@@ -160,8 +160,8 @@ class ForwardSelection:
 
 
 def compiling(bench: Workbench, parts: Problem) -> Callable[[], object]:
-    """Begin to compile what a search of candidates with a state needs; returns what waits for it."""
-    return in_background(lambda: bench.compile_stateful(parts)).result
+    """Begin to compile what searches of candidates need; returns what waits for it."""
+    return in_background(lambda: bench.compile_ahead(parts)).result
 
 
 def forward_selection(

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search_all, search_work
-from jaxmuscle.diagnosis.candidates import Sought, carries_state, paths_of, without
+from jaxmuscle.diagnosis.candidates import Sought, paths_of, without
 from jaxmuscle.diagnosis.evidence import (
     TOLD_APART,
     Blocks,
@@ -131,7 +131,7 @@ def rank(
     Args:
         among: candidates that were tried for this place, if more than these: evidence allows for them.
     """
-    rest = sorted(candidates, key=carries_state, reverse=True)  # what takes longest comes first
+    rest = bench.in_turns(candidates)
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     if accepted:
         meter.expect(round_work(rest, FOLDS))

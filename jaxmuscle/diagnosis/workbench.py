@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_models import CandidateModels
-from jaxmuscle.diagnosis.candidates import carries_state, loaded
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.settled_fit import (
     Factors,
@@ -109,11 +108,11 @@ class Workbench(CandidateModels):
             case.observed.spread,
         )
         unknowns = self.unknowns(model, paths, effects)
-        return Objective([station], unknowns, Squares(), program=self.program(model))
+        return Objective([station], unknowns, Squares(), program=self.program(model, effects))
 
-    def program(self, model: AbstractActuator) -> SharedProgram:
+    def program(self, model: AbstractActuator, effects: Sequence[str]) -> SharedProgram:
         """What evaluates every fit of models of one structure."""
-        return SharedProgram(tuple(self.order(model)), self.width)
+        return SharedProgram(tuple(self.order(model, effects)), self.width)
 
     def seen_by(self, model: AbstractActuator, problem: Problem) -> Problem:
         """A problem with inputs of links as they are for `model`."""
@@ -194,8 +193,8 @@ class Workbench(CandidateModels):
     def _settled(
         self, model: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int, slow: float
     ) -> SettledFit:
+        model, fits = self.dressed(model, effects), 0
         factors = weight_factors(self.discrepancies(model, problem))
-        fits = 0
         while True:
             model, lane = self.fit(model, effects, problem, steps, slow, factors)
             fits, left = fits + 1, self.discrepancies(model, problem)
@@ -249,13 +248,18 @@ class Workbench(CandidateModels):
             (lane,) = descend(objective.at, start[None], limits)
         return moved_machine(model, unknowns, lane.u, 0), lane
 
-    def compile_stateful(self, problem: Problem) -> None:
-        """Have the programs for candidates with a state compiled; nothing if there is none."""
-        name = next((effect.name for effect in self.changing if effect.name not in self.refinements), None)
-        if name is not None:
-            model = self.dressed(self.model, [name])
-            self.jacobian(model, problem, self.free_paths(model, [name]), [name])
+    def compile_ahead(self, problem: Problem) -> None:
+        """Have the programs compiled by which candidates are searched, but for those of the model itself."""
+
+        def compiled(effect: type[AbstractEffect]) -> None:
+            model = self.dressed(self.model, [effect.name])
+            self.jacobian(model, problem, self.free_paths(model, [effect.name]), [effect.name])
             self.residuals(model, problem)
+
+        own = {*self.together(None)}
+        others = [effect for effect in self.one_of_each() if {*self.together(effect)} != own]
+        if others:
+            on_all_cores(compiled, others)
 
     def residuals(self, model: AbstractActuator, problem: Problem) -> Evaluated:
         """Weighted residuals."""
@@ -301,24 +305,19 @@ def squares(residuals: Evaluated) -> float:
 def workbench(
     case: Case,
     candidates: Sequence[type[AbstractEffect]],
-    carried: Sequence[type[AbstractEffect]] = (),
     constants: Sequence[CardConstant] = (),
     refinements: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
     predicting: bool = False,
 ) -> Workbench:
-    """Load the actuator of `case` with those of the `candidates` that have no state or are `carried`."""
+    """The workbench of a case, for candidates, and refinements that wait until friction was found."""
     candidates = [*candidates, *refinements]
     priors, width = case.priors, len(case.priors) + SPARE
-    held = [effect for effect in candidates if not carries_state(effect) or effect in carried]
-    names = tuple(effect.name for effect in carried)
-    model = loaded(case.actuator, held)
     return Workbench(
-        model,
+        case.actuator,
         tuple(candidates),
         tuple(priors),
         dict(priors),
-        names,
         tuple(constants),
         tuple(effect.name for effect in refinements),
         case,

@@ -11,6 +11,7 @@ from oracles import bench
 from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle import effects
+from jaxmuscle.diagnosis.candidate_models import CandidateModels
 from jaxmuscle.diagnosis.candidates import (
     SEEN,
     carries_state,
@@ -21,7 +22,7 @@ from jaxmuscle.diagnosis.candidates import (
     shapes,
     strengths,
 )
-from jaxmuscle.diagnosis.card_constants import card_constants
+from jaxmuscle.diagnosis.card_constants import CardConstant, card_constants
 from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, simplest_first
 from jaxmuscle.diagnosis.workbench import SPARE, workbench
@@ -130,22 +131,49 @@ def test_states_are_carried_only_where_they_are_wanted(tools):
     offered = {effect.name for effect in bench.sought("driven")}
     stateful = {effect.name for effect in CATALOGUE if carries_state(effect)} & offered
     assert stateful == {"creep", "force_sensor_lag", "length_hysteresis"}
-    assert set(tools.model.effects) == offered - stateful
-    creeping = tools.dressed(tools.model, ["creep", "bladder_stiffness"])
+    assert not tools.model.effects
+    still = tools.dressed(tools.model, [])
+    assert set(still.effects) == offered - stateful
+    assert {*tools.dressed(tools.model, ["bladder_stiffness"]).effects} == {*still.effects}
+    creeping = tools.dressed(still, ["bladder_stiffness", "creep"])
     # One structure for all candidates with a state: those that are not wanted are at zero strength.
-    assert set(creeping.effects) == {*tools.model.effects, *stateful}
+    assert set(creeping.effects) == offered
     strong = replace(creeping, {"effects.creep.stiffness": 7.0, "effects.length_hysteresis.weight": 0.1})
     kept = tools.dressed(strong, ["creep"])
     assert float(get(kept, "effects.creep.stiffness")) == 7.0
     assert float(get(kept, "effects.length_hysteresis.weight")) == 0.0
-    assert set(tools.dressed(kept, []).effects) == set(tools.model.effects)
+    # What was found stays; beside it only those that are tried together with the last one.
+    further = tools.dressed(kept, ["creep", "bladder_stiffness"])
+    assert set(further.effects) == {*still.effects, "creep"}
+    assert float(get(further, "effects.creep.stiffness")) == 7.0
+    assert set(tools.dressed(kept, []).effects) == set(still.effects)
+
+
+def test_rarer_effects_are_carried_apart_from_the_usual_ones():
+    joint = bench.model("joint")
+    catalogue = *CATALOGUE, *effects.EXTENSION, *effects.reading_effects(type(joint))
+    tools = CandidateModels(joint, tuple(missing(joint, catalogue)), (), {}, (), ())
+    rarer = {effect.name for effect in tools.candidates if effect not in CATALOGUE}
+    stateful = {effect.name for effect in tools.candidates if carries_state(effect)} & rarer
+    assert {"backlash", "rate_limit"} <= stateful and {"end_stop", "sensor_gain_angle"} <= rarer - stateful
+    still = tools.dressed(joint, ["end_stop"])
+    assert set(still.effects) == rarer - stateful
+    assert set(tools.dressed(still, ["creep", "backlash"]).effects) == {"creep", *stateful}
+    assert set(tools.dressed(still, ["creep", "end_stop"]).effects) == {"creep", *still.effects}
+    # One candidate of each group has its program compiled; in turns, so that cores compile different ones.
+    programs = [frozenset(tools.dressed(joint, [e.name]).effects) for e in tools.one_of_each()]
+    assert len(programs) == len(set(programs)) == 4
+    turns = [effect for effect in tools.in_turns(tools.candidates) if not isinstance(effect, CardConstant)]
+    assert set(turns) == set(tools.candidates) and len(turns) == len(tools.candidates)
+    assert len({frozenset(tools.together(effect)) for effect in turns[:4]}) == 4
+    assert carries_state(turns[0])
 
 
 def test_order_names_every_path_that_may_move(tools):
-    order = tools.order(tools.dressed(tools.model, ["creep"]))
+    order = tools.order(tools.dressed(tools.model, ["creep"]), ["creep"])
     assert order[: len(tools.declared)] == list(tools.declared)
     assert "effects.creep.slow_time" in order
-    assert "effects.creep.slow_time" not in tools.order(tools.model)
+    assert "effects.creep.slow_time" not in tools.order(tools.dressed(tools.model, []), [])
     assert len(set(order)) == len(order)
 
 
@@ -212,16 +240,20 @@ def test_what_refines_friction_waits_until_a_friction_is_found_that_leaves_much(
     # It is carried where it is sought or was added, so that no other search becomes dearer.
     assert set(tools.dressed(tools.model, ["creep"]).effects) == {"thread_friction", "creep"}
     bristly = tools.dressed(tools.model, ["thread_friction", "presliding"])
-    assert set(bristly.effects) == {"thread_friction", "creep", "presliding"}
+    assert set(bristly.effects) == {"thread_friction", "presliding"}
     assert set(tools.dressed(bristly, ["thread_friction"]).effects) == {"thread_friction"}
 
 
 def test_constants_alone_are_tried_in_a_small_structure(prepared):
     constants = card_constants(prepared)
     tools = workbench(prepared, [effects.ThreadFriction, effects.Creep], constants=constants)
-    small = tools.dressed(tools.model, [constants[0].name])
-    assert not small.effects and tools.order(small) == list(
-        dict.fromkeys([*tools.declared, *(constant.path for constant in constants)])
-    )
+    first = [constants[0].name]
+    small = tools.dressed(tools.model, first)
+    paths = dict.fromkeys([*tools.declared, *(constant.path for constant in constants)])
+    assert not small.effects and tools.order(small, first) == list(paths)
     assert set(tools.dressed(small, []).effects) == {"thread_friction"}
-    assert set(tools.dressed(small, [constants[0].name, "creep"]).effects) == {"thread_friction", "creep"}
+    assert set(tools.dressed(small, [*first, "creep"]).effects) == {"thread_friction", "creep"}
+    assert set(tools.dressed(small, ["creep", *first]).effects) == {"creep"}
+    # Where none was found, programs are those of a search without constants.
+    assert tools.order(small, []) == [*tools.declared]
+    assert constants[0].path in tools.order(small, ["creep", *first])
