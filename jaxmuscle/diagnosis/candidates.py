@@ -10,7 +10,12 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.card_constants import CardConstant, constant_path
-from jaxmuscle.effects.base import AbstractEffect, AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.effects.base import (
+    AbstractEffect,
+    AbstractMemoryEffect,
+    AbstractRateEffect,
+    strengths_of,
+)
 from jaxmuscle.parameter_names import effect_path, split_effect
 from jaxmuscle.parameters import get, parameters
 
@@ -63,7 +68,9 @@ def strength_path(sought: Sought) -> str:
 
 def without(sought: Sought) -> dict[str, float]:
     """Path → value at which a candidate changes nothing: no strength, the card's value."""
-    return {strength_path(sought): sought.declared if isinstance(sought, CardConstant) else 0.0}
+    if isinstance(sought, CardConstant):
+        return {sought.path: sought.declared}
+    return {effect_path(sought.name, each): 0.0 for each in strengths_of(sought)}
 
 
 def of_strength(sought: Sought, strength: float, model: AbstractActuator) -> dict[str, float]:

@@ -39,6 +39,7 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.errors import NoFitError
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
@@ -169,7 +170,7 @@ def _borne_out(
             return outcome, None, refused
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
-        strengths = {c.name: _strength(c.effects[0]) for c in outcome.found}
+        strengths = {c.name: _strengths(c.effects[0]) for c in outcome.found}
         largest = {c.name: getattr(c.effects[0], "largest", None) for c in outcome.found}
         found = [_found(c, _judging(c, final, outcome.folds)) for c in outcome.found]
         reasons = doubted(found, strengths, largest)
@@ -261,9 +262,9 @@ def _found(candidate: Candidate, values: dict[str, Estimate]) -> FoundEffect:
     )
 
 
-def _strength(sought: Sought) -> str:
-    """Name of what tells how much of a candidate there is."""
-    return sought.quantity if isinstance(sought, CardConstant) else sought.strength
+def _strengths(sought: Sought) -> tuple[str, ...]:
+    """Names of what tells how much of a candidate there is."""
+    return (sought.quantity,) if isinstance(sought, CardConstant) else strengths_of(sought)
 
 
 def held_out_rows(case: Case) -> NDArray[np.bool_]:

@@ -68,24 +68,29 @@ def missing_in_noise(
 
 
 def doubted(
-    found: Sequence[FoundEffect], strengths: Mapping[str, str], largest: Mapping[str, float | None]
+    found: Sequence[FoundEffect],
+    strengths: Mapping[str, Sequence[str]],
+    largest: Mapping[str, float | None],
 ) -> dict[str, str]:
-    """Name of each effect whose strength is not sure to differ from none, or that no machine has → why.
+    """Name of each effect of which no strength is sure to differ from none, or that no machine has → why.
 
     Args:
-        strengths: name of an effect → its strength's name.
-        largest: name of an effect → size of its strength on real machines at most, if that is known.
+        strengths: name of an effect → names of its strengths.
+        largest: name of an effect → size of the first of them on real machines at most, if that is known.
     """
     reasons = {}
     for effect in found:
-        strength = effect.parameters.get(strengths[effect.name])
-        if strength is not None and effect.declared is not None:
+        own = [effect.parameters[name] for name in strengths[effect.name] if name in effect.parameters]
+        if not own:
+            continue
+        strength = own[0]
+        if effect.declared is not None:
             std = max(strength.std, effect.declared_std or 0.0)
             if abs(strength.value - effect.declared) < VIOLATED * std:
                 reasons[effect.name] = "it does not differ from the card's value by three standard deviations"
-        elif strength is not None and not differs_from_none(strength):
+        elif not any(map(differs_from_none, own)):
             reasons[effect.name] = "its strength does not differ from none by two standard deviations"
-        elif strength is not None and abs(strength.value) > (most := largest.get(effect.name) or math.inf):
+        elif abs(strength.value) > (most := largest.get(effect.name) or math.inf):
             value, limit = quantity(strength.value, strength.unit), quantity(most, strength.unit)
             reasons[effect.name] = f"its strength, {value}, is beyond what real machines have, {limit}"
     return reasons

@@ -31,7 +31,9 @@ class AbstractEffect(eqx.Module):
         column: the column whose sensor it is an error of; `None` of other effects.
         slot: the signal it adds to.
         reads: names of the signals that it needs; it is offered only to rigs that have them.
-        strength: the parameter at whose zero value the addition is exactly zero.
+        strength: the parameter at whose zero value, and that of the `further_strengths`, the addition is
+            exactly zero.
+        further_strengths: parameters that make an addition where the strength is zero, too.
         largest: size of the strength that no real machine exceeds (SI); `None` where that depends on the
             machine. A diagnosis finds no effect beyond it.
         starts: alternative values of its other parameters from which a search begins.
@@ -48,6 +50,7 @@ class AbstractEffect(eqx.Module):
     slot: ClassVar[Slot]
     reads: ClassVar[frozenset[str]]
     strength: ClassVar[str]
+    further_strengths: ClassVar[tuple[str, ...]] = ()
     largest: ClassVar[float | None] = None
     starts: ClassVar[tuple[Mapping[str, float], ...]]
     source: ClassVar[str]
@@ -61,6 +64,11 @@ class AbstractEffect(eqx.Module):
         own = vars(cls)
         if "name" in own and "kind" not in own:
             cls.kind = own["name"]
+
+
+def strengths_of(effect: type[AbstractEffect]) -> tuple[str, ...]:
+    """Names of the parameters of which one at least is not zero where there is an effect."""
+    return effect.strength, *effect.further_strengths
 
 
 class AbstractStaticEffect(AbstractEffect):

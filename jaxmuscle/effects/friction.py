@@ -27,6 +27,7 @@ class ThreadFriction(AbstractFrictionEffect):
     slot: ClassVar = MUSCLE_FORCE
     reads: ClassVar = frozenset({"muscle", "pressure", "contraction_velocity"})
     strength: ClassVar = "static_coefficient"
+    further_strengths: ClassVar = ("kinetic_coefficient",)
     largest: ClassVar = 1.0
     starts: ClassVar = ({"static_coefficient": 0.015, "kinetic_coefficient": 0.06},)
     source: ClassVar = "[T] equations 11, 15-17"

@@ -87,6 +87,7 @@ class BladderStiffness(AbstractStaticEffect):
     slot: ClassVar = MUSCLE_FORCE
     reads: ClassVar = frozenset({"muscle", "pressure"})
     strength: ClassVar = "stiffness"
+    further_strengths: ClassVar = ("threshold_pressure",)
     starts: ClassVar = ({},)
     source: ClassVar = "elastic bladder, as in Chou and Hannaford's dead-zone"
 

@@ -60,13 +60,20 @@ def _few_stretches(diagnosis: Diagnosis) -> list[str]:
 
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
-    """Parameters of an effect other than its strength of which the data say nothing."""
+    """Parameters of an effect, other than its strength, of which the data say nothing; and those that ended
+    at a bound, of which no standard deviation is known.
+    """
     if effect.is_constant:
         return []
     strength = diagnosis.model.effects[effect.name].strength
+    ended = {name: e for name, e in effect.parameters.items() if e.std == 0}
     return [
         f"The {words(name)} of {words(effect.name)} is not determined by this recording "
         f"({formatting.estimate(e.value, e.std, e.unit)})."
         for name, e in effect.parameters.items()
         if name != strength and not e.std <= UNDETERMINED * abs(e.value)
+    ] + [
+        f"The {words(name)} of {words(effect.name)} ended at a bound of what is physical, "
+        f"{formatting.quantity(e.value, e.unit)}: how sure that is, the fit does not tell."
+        for name, e in ended.items()
     ]

@@ -9,7 +9,8 @@ from jaxmuscle import formatting
 from jaxmuscle.diagnosis.diagnosis_data import Error, FoundEffect
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
-from jaxmuscle.diagnosis.verdict import surprise
+from jaxmuscle.diagnosis.verdict import differs_from_none, surprise
+from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.formatting import capital, listed, parameter_words, words
 from jaxmuscle.report.tables import shown_estimate
 
@@ -57,20 +58,20 @@ def indistinguishable(diagnosis: Diagnosis) -> list[str]:
 def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:
     """An added effect with the value of its strength: ``load friction, 16.2 ± 0.4 N``; of a constant what
     it is and what the card says: ``a braid angle of 26.4 ± 0.1 deg and not 22 deg as on the card``.
+
+    Of several strengths it is the first one that differs from none.
     """
     if effect.declared is not None:
         return _constant_phrase(diagnosis, effect, effect.declared)
-    model = diagnosis.model.effects[effect.name]
-    estimate = effect.parameters.get(model.strength)
-    if estimate is None:
+    known = strengths_of(type(diagnosis.model.effects[effect.name]))
+    own = {name: effect.parameters[name] for name in known if name in effect.parameters}
+    if not own:
         return words(effect.name)
+    strength = next((name for name, each in own.items() if differs_from_none(each)), next(iter(own)))
+    estimate = own[strength]
     value = formatting.estimate(estimate.value, estimate.std, estimate.unit)
     plain = len(effect.parameters) == 1 and estimate.unit
-    return (
-        f"{words(effect.name)}, {value}"
-        if plain
-        else f"{words(effect.name)} ({words(model.strength)} {value})"
-    )
+    return f"{words(effect.name)}, {value}" if plain else f"{words(effect.name)} ({words(strength)} {value})"
 
 
 def _constant_phrase(diagnosis: Diagnosis, effect: FoundEffect, declared: float) -> str:

@@ -198,10 +198,10 @@ def test_a_constant_within_three_standard_deviations_is_doubted(diagnosis):
     (found,) = diagnosis.effects
     (angle,) = found.parameters.values()
     near: Any = dataclasses.replace(found, declared=angle.value + 2.9 * angle.std)
-    assert doubted([near], {found.name: "braid_angle"}, {}).keys() == {found.name}
-    assert doubted([found], {found.name: "braid_angle"}, {}) == {}
+    assert doubted([near], {found.name: ("braid_angle",)}, {}).keys() == {found.name}
+    assert doubted([found], {found.name: ("braid_angle",)}, {}) == {}
     unsure = dataclasses.replace(found, declared_std=0.5 * ANGLE)
-    assert doubted([unsure], {found.name: "braid_angle"}, {}).keys() == {found.name}
+    assert doubted([unsure], {found.name: ("braid_angle",)}, {}).keys() == {found.name}
 
 
 def test_nothing_is_tried_where_the_card_is_not_to_be_doubted():

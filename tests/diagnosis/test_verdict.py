@@ -19,6 +19,7 @@ from jaxmuscle.diagnosis.verdict import (
     violated_priors,
 )
 from jaxmuscle.effects import BY_NAME, reading_effect
+from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.estimation.free_parameters import Prior
 
 
@@ -85,19 +86,30 @@ def test_what_predictions_from_the_command_alone_do_not_miss_is_not_missing() ->
 def test_an_effect_within_two_standard_deviations_of_none_is_doubted(
     value: float, std: float, sure: bool
 ) -> None:
-    reasons = doubted([friction(value, std)], {"load_friction": "force"}, {})
+    reasons = doubted([friction(value, std)], {"load_friction": ("force",)}, {})
     assert bool(reasons) is not sure
 
 
 def test_an_effect_that_ends_at_none_is_doubted_though_its_std_is_zero() -> None:
-    assert doubted([friction(0.0, 0.0)], {"load_friction": "force"}, {})
+    assert doubted([friction(0.0, 0.0)], {"load_friction": ("force",)}, {})
+
+
+@pytest.mark.parametrize(("taken_up", "sure"), [((4e4, 500.0), True), ((300.0, 500.0), False)])
+def test_an_effect_without_its_strength_is_there_where_a_further_one_is(
+    taken_up: tuple[float, float], sure: bool
+) -> None:
+    """A bladder may take up pressure and not resist contraction."""
+    own = {"stiffness": Estimate(0.0, 0.0, "N", ""), "threshold_pressure": Estimate(*taken_up, "Pa", "")}
+    bladder = FoundEffect("bladder_stiffness", "muscle_force", "", "", own, 0.9, 1e-4)
+    reasons = doubted([bladder], {"bladder_stiffness": strengths_of(BY_NAME["bladder_stiffness"])}, {})
+    assert bool(reasons) is not sure
 
 
 @pytest.mark.parametrize(("largest", "refused"), [(None, False), (15.0, False), (13.0, True)])
 def test_a_strength_beyond_what_real_machines_have_is_doubted(largest: float | None, refused: bool) -> None:
     for value in (14.0, -14.0):
         found = [friction(value, 0.2)]
-        reasons = doubted(found, {"load_friction": "force"}, {"load_friction": largest})
+        reasons = doubted(found, {"load_friction": ("force",)}, {"load_friction": largest})
         assert bool(reasons) is refused
         told = f"its strength, {value:.0f} N, is beyond what real machines have, 13 N"
         assert not refused or reasons["load_friction"] == told

@@ -11,8 +11,10 @@ from oracles import bench
 from jaxmuscle.actuators import Held
 from jaxmuscle.actuators.sensing import sensed, sensing
 from jaxmuscle.effects import FURTHER, AbstractMemoryEffect, AbstractRateEffect
+from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.effects.chain import initial_states
-from jaxmuscle.parameters import get, parameters
+from jaxmuscle.parameter_names import split_effect
+from jaxmuscle.parameters import get, parameters, replace
 from jaxmuscle.signals import Past
 
 
@@ -151,6 +153,26 @@ def test_changes_nothing_at_zero_strength(rig, effect):
     without = bare_outcomes(rig, tuple(needed))
     assert_identical(without, jax.vmap(lambda lane: outcome(carrying, rig, *lane))(lanes))
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(without))
+
+
+@pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)
+def test_its_other_parameters_change_nothing_at_zero_strength(rig, effect):
+    """So an effect is there exactly where one of its strengths differs from none."""
+    needed = companions(rig, effect)
+    carrying = bench.model(rig, [effect.name], **needed)
+    own = {
+        path: entry for path, entry in parameters(carrying).items() if split_effect(path)[0] == effect.name
+    }
+    strengths = {f"effects.{effect.name}.{name}" for name in strengths_of(effect)}
+    moved = {
+        path: 1.7 * entry.value or entry.typical or 0.3
+        for path, entry in own.items()
+        if path not in strengths
+    }
+    assert strengths <= set(own) and all(own[path].value == 0 for path in strengths)
+    shaped = replace(carrying, moved) if moved else carrying
+    found = jax.vmap(lambda lane: outcome(shaped, rig, *lane))(random_lanes(rig))
+    assert_identical(bare_outcomes(rig, tuple(needed)), found)
 
 
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=IDS)

@@ -4,7 +4,9 @@ import dataclasses
 
 from report.fake import diagnosis
 
-from jaxmuscle.effects import LoadDamping
+from jaxmuscle.diagnosis.diagnosis_data import Estimate
+from jaxmuscle.effects import BladderStiffness, LoadDamping
+from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.sentence import indistinguishable, sentence
 
 
@@ -82,6 +84,21 @@ def test_several_parameters_name_the_strength() -> None:
         effect, parameters={**effect.parameters, "width": effect.parameters["force"]}
     )
     assert "load friction (force 16.2 ± 0.4 N)." in sentence(dataclasses.replace(found, effects=(several,)))
+
+
+def test_of_several_strengths_the_one_that_differs_from_none_is_named() -> None:
+    """And of the other one, which ended at a bound, that nothing tells how sure it is."""
+    found = diagnosis("effects found")
+    own = {
+        "stiffness": Estimate(0.0, 0.0, "N", ""),
+        "threshold_pressure": Estimate(41330.0, 480.0, "Pa", ""),
+    }
+    effect = dataclasses.replace(found.effects[0], name="bladder_stiffness", parameters=own)
+    model = found.model.with_effects(bladder_stiffness=BladderStiffness())
+    bladder = dataclasses.replace(found, effects=(effect,), model=model)
+    assert "bladder stiffness (threshold pressure 41.3 ± 0.5 kPa)" in sentence(bladder)
+    (told,) = [each for each in doubts(bladder) if "bound" in each]
+    assert told.startswith("The stiffness of bladder stiffness ended at a bound of what is physical, 0 N:")
 
 
 def test_undecided_says_how_much_may_be_missing() -> None:
