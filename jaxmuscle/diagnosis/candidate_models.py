@@ -34,7 +34,7 @@ class CandidateModels:
         model: the declared machine.
         declared: paths of the parameters that the card calls uncertain.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
-        constants: constants of the card that may be wrong; they are candidates too, in every model.
+        constants: constants of the card that may be wrong; they are candidates too.
         refinements: names of candidates that change how friction builds up; they wait until some is found
             and much is left all the same.
     """

@@ -40,7 +40,8 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         f"singly from those beside them, or lie beyond the stops of the model."
         for column, count in diagnosis.unused.items()
     ]
-    return found + [told for effect in diagnosis.added for told in _undetermined(diagnosis, effect)]
+    of_effects = ((*_undetermined(diagnosis, effect), *_at_bounds(effect)) for effect in diagnosis.added)
+    return found + [told for each in of_effects for told in each]
 
 
 def _few_stretches(diagnosis: Diagnosis) -> list[str]:
@@ -60,20 +61,23 @@ def _few_stretches(diagnosis: Diagnosis) -> list[str]:
 
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
-    """Parameters of an effect, other than its strength, of which the data say nothing; and those that ended
-    at a bound, of which no standard deviation is known.
-    """
+    """Parameters of an effect other than its strength of which the data say nothing."""
     if effect.is_constant:
         return []
     strength = diagnosis.model.effects[effect.name].strength
-    ended = {name: e for name, e in effect.parameters.items() if e.std == 0}
     return [
         f"The {words(name)} of {words(effect.name)} is not determined by this recording "
         f"({formatting.estimate(e.value, e.std, e.unit)})."
         for name, e in effect.parameters.items()
         if name != strength and not e.std <= UNDETERMINED * abs(e.value)
-    ] + [
+    ]
+
+
+def _at_bounds(effect: FoundEffect) -> list[str]:
+    """Parameters of an effect that ended at a bound, of which the fit gives no standard deviation."""
+    return [
         f"The {words(name)} of {words(effect.name)} ended at a bound of what is physical, "
         f"{formatting.quantity(e.value, e.unit)}: how sure that is, the fit does not tell."
-        for name, e in ended.items()
+        for name, e in effect.parameters.items()
+        if e.std == 0 and not effect.is_constant
     ]
