@@ -76,7 +76,7 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
         "load_damping": {"coefficient": (0.02, 0.15)},
         "gravity": {"torque": (0.2, 1.5), "hanging_angle": (-0.5, 0.5)},
         "end_stop": {"stiffness": (1, 20), "position": (0.05, 0.2)},
-        "eccentric_sprocket": {"eccentricity": (0.01, 0.1), "phase": (-3.1, 3.1)},
+        "eccentric_sprocket": {"eccentricity": (0.01, 0.1), "phase": (-3.1, 3.1), "wrap_angle": (0.0, 3.1)},
         "muscle_mismatch": {"ratio": (-0.08, 0.08)},
         "command_delay": {"delay": (4e-3, 3e-2)},
         "valve_offset": {"offset": (2e3, 2e4)},

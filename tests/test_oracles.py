@@ -44,7 +44,7 @@ NOTHING = {
     "force_drift": {"share": 0.0, "time_constant": 3.0},
     "creep": {"stiffness": 0.0, "fast_time": 0.1, "slow_time": 1.0},
     "end_stop": {"position": 0.01, "stiffness": 0.0},
-    "eccentric_sprocket": {"eccentricity": 0.0, "phase": 0.4},
+    "eccentric_sprocket": {"eccentricity": 0.0, "phase": 0.4, "wrap_angle": 2.0},
     "stribeck": {"excess": 0.0, "velocity_constant": 0.01},
     "presliding": {"distance": 0.0},
 }
@@ -261,10 +261,13 @@ def test_eccentric_sprocket_by_hand():
     """At equal pressures the lever arms R + e and R - e turn it with 2 e F at first."""
     command = np.tile(AMBIENT + np.array([2e5, 2e5]), (3, 1))
     force = schulte_force(TURN, 0.15, 2e5, 1.3)
-    *_, rate = turned({"eccentric_sprocket": {"eccentricity": 1 / 15, "phase": 0.0}}, command)
+    beside = {"eccentricity": 1 / 15, "wrap_angle": pi}
+    *_, rate = turned({"eccentric_sprocket": {**beside, "phase": 0.0}}, command)
     assert rate[1] / STEP == pytest.approx(2e-3 * force / TURN["inertia"], rel=1e-2)
-    *_, upright = turned({"eccentric_sprocket": {"eccentricity": 1 / 15, "phase": pi / 2}}, command)
-    assert abs(upright[1]) < 1e-3 * abs(rate[1])
+    *_, upright = turned({"eccentric_sprocket": {**beside, "phase": pi / 2}}, command)
+    in_line = {**beside, "wrap_angle": 0.0, "phase": 0.0}
+    *_, alike = turned({"eccentric_sprocket": in_line}, command)
+    assert max(abs(upright[1]), abs(alike[1])) < 1e-3 * abs(rate[1])
 
 
 def test_regulators_by_hand():
@@ -306,7 +309,7 @@ ALL = {
     | {
         "load_friction": {"force": 0.2},
         "stribeck": {"excess": 0.1, "velocity_constant": 0.1},
-        "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.7},
+        "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.7, "wrap_angle": 2.0},
         "end_stop": {"position": 0.3, "stiffness": 5.0},
         "line_lag": {"time_constant": 1e-2},
         "rate_limit": {"inverse_rate": 1e-6},

@@ -8,8 +8,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
-from numpy.typing import NDArray
+from jaxtyping import Array, ArrayLike
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.control_channel import Actuation, ControlChannel
@@ -20,7 +19,7 @@ from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import altered_muscle, state_rates
 from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass, with_limit_over_rest
-from jaxmuscle.effects.transmission import lever, unwound, winding
+from jaxmuscle.effects.transmission import Pulls, arms, over_joints, shortening, unwound
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
 
@@ -59,9 +58,7 @@ class AbstractPulledJoints(AbstractActuator):
     initial_contraction: eqx.AbstractVar[Scalar]
     ambient_pressure: eqx.AbstractVar[Scalar]
 
-    def _up_to_the_muscles(
-        self, state: State, held: Held, states: States, pulls: NDArray | Float[Array, "..."]
-    ) -> Signals:
+    def _up_to_the_muscles(self, state: State, held: Held, states: States, pulls: Pulls) -> Signals:
         """The chain up to the muscle forces.
 
         `pulls`: the sense in which each muscle turns each joint; for a single joint, its two muscles.
@@ -75,8 +72,10 @@ class AbstractPulledJoints(AbstractActuator):
             ambient_pressure=self.ambient_pressure,
             pressure=state["pressure"],
             muscle=muscle,
-            contraction=middle + jnp.dot(self.sprocket_radius * winding(self.effects, angle), pulls),
-            contraction_velocity=jnp.dot(self._radius(angle) * velocity, pulls),
+            contraction=middle + self.sprocket_radius * shortening(self.effects, angle, pulls),
+            contraction_velocity=over_joints(
+                (self.sprocket_radius * velocity)[..., None] * arms(self.effects, angle, pulls)
+            ),
             position=angle,
             velocity=velocity,
         )
@@ -85,9 +84,13 @@ class AbstractPulledJoints(AbstractActuator):
         force = muscle.force(signals.contraction, signals.gauge_pressure, muscle.end_factor)
         return self._with(signals, MUSCLE_FORCE, force, states)
 
-    def _radius(self, angle: Array) -> Array:
-        """Lever arm of the muscles at a joint's angle [m]."""
-        return self.sprocket_radius * lever(self.effects, angle)
+    def _torque(self, forces: Array, angle: Array, pulls: Pulls) -> Array:
+        """Torque at every joint from what the muscles pull with [N m].
+
+        What balances leaves exactly nothing: arms are multiplied by the radius after the sum. And products
+        are summed alike whether arms are constants or not: to the last bit as without effects on them.
+        """
+        return self.sprocket_radius * (arms(self.effects, angle, pulls) * forces).sum(axis=-1)
 
     def _behind_valves(self, signals: Signals, state: State) -> Signals:
         """`signals` with what is known of the valves; here nothing."""
@@ -97,7 +100,7 @@ class AbstractPulledJoints(AbstractActuator):
     def _ends(self) -> tuple[Array, Array]:
         """Angles at which a joint ends [rad]."""
         largest = joint_range(self.muscle, self.sprocket_radius, self.initial_contraction)
-        return unwound(self.effects, -largest), unwound(self.effects, largest)
+        return unwound(self.effects, -largest, 0), unwound(self.effects, largest, 1)
 
     @property
     def stops(self) -> Mapping[str, tuple[ArrayLike, ArrayLike]]:
@@ -135,12 +138,13 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
         """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearing [N m]."""
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(2)
         in_bearing = friction_limit(self.effects, LOAD, signals)
-        return self._radius(signals.position) * in_threads.sum() + in_bearing, in_threads, in_bearing
+        limit = self._torque(in_threads * SIDES, signals.position, SIDES) + in_bearing
+        return limit, in_threads, in_bearing
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torque on the joint."""
         pulling = signals.having(muscle_force=tension(muscle_force))
-        torque = self._radius(signals.position) * (SIDES * pulling.muscle_force).sum()
+        torque = self._torque(pulling.muscle_force, signals.position, SIDES)
         return self._with(pulling, LOAD, torque, states)
 
     def _motion_rates(self, state: State, signals: Signals) -> State:

@@ -15,7 +15,7 @@ from jaxmuscle.actuators.joint import SIDES, AbstractPulledJoints
 from jaxmuscle.animation.drawn_parts import METAL
 from jaxmuscle.animation.muscle_shape import draw_muscle, radius_at
 from jaxmuscle.components.mckibben import largest_contraction
-from jaxmuscle.effects.transmission import winding
+from jaxmuscle.effects.transmission import shortening
 from jaxmuscle.figure_style import INK
 from jaxmuscle.formatting import quantity
 
@@ -61,9 +61,9 @@ class OpposedMuscles:
 
     def ends(self, angle: float) -> Point:
         r"""Places of the ends that move [m]: :math:`x = ε_0 l_0 ± R θ` from where a long muscle ends."""
-        wound = float(winding(self.actuator.effects, jnp.asarray(angle)))
+        wound = np.asarray(shortening(self.actuator.effects, jnp.asarray(angle), SIDES))
         middle = float(self.actuator.initial_contraction) * self.length
-        return self.begin + self.length - middle - self.sprocket * wound * SIDES
+        return self.begin + self.length - middle - self.sprocket * wound
 
     def draw(
         self, axes: Axes, angle: float, levels: tuple[float, float],

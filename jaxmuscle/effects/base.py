@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 from jaxmuscle.signals import Signals, Slot
 
@@ -108,15 +108,20 @@ class AbstractFrictionEffect(AbstractEffect):
 
 
 class AbstractTransmissionEffect(AbstractEffect):
-    """An effect that changes the sprockets by which muscles turn a joint, as additions that vanish."""
+    """An effect that changes the sprockets by which muscles turn a joint, as additions that vanish.
+
+    Of the two muscles of a joint, number 0 shortens with the angle, number 1 lengthens.
+    """
 
     @abc.abstractmethod
-    def winding(self, angle: Array) -> Array:
-        """Addition to the angle by which chain is wound up on the mean radius [rad], zero at angle 0."""
+    def winding(self, angle: Array, muscle: ArrayLike) -> Array:
+        """Addition to the angle by which the chain of a muscle is wound up on the mean radius [rad], zero at
+        angle 0.
+        """
 
     @abc.abstractmethod
-    def lever(self, angle: Array) -> Array:
-        """Addition to the ratio of the lever arm to the mean radius, the slope of :meth:`winding`."""
+    def lever(self, angle: Array, muscle: ArrayLike) -> Array:
+        """Addition to the ratio of its lever arm to the mean radius, the slope of :meth:`winding`."""
 
 
 class AbstractRateEffect(AbstractEffect):

@@ -31,7 +31,7 @@ def filled(effects: Effects, slot: Slot, value: Array, states: States, signals: 
 
     Dry friction is left to the machine, which knows what the motion calls for: :func:`friction_limit`;
     what alters muscles or sprockets acts before: :func:`altered_muscle`,
-    :func:`jaxmuscle.effects.transmission.winding`.
+    :func:`jaxmuscle.effects.transmission.arms`.
     """
     acting = {n: e for n, e in effects.items() if e.slot == slot and not isinstance(e, _ELSEWHERE)}
     signals = signals.having(**{slot.name: value})

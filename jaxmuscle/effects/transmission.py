@@ -3,44 +3,55 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
+from jaxtyping import Array, ArrayLike
+from numpy.typing import NDArray
 
 from jaxmuscle.effects.base import AbstractStaticEffect, AbstractTransmissionEffect, Effects
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
 
+Pulls: TypeAlias = NDArray[np.float64]
+
 
 class EccentricSprocket(AbstractTransmissionEffect):
-    r"""The sprockets' lever arm changes with the angle, alike for both muscles of a joint.
+    r"""The sprocket turns about an axis beside its centre: its muscles' lever arms change with the angle.
 
-    .. math:: R(θ) = R\,[1 + e \cos(θ - φ)],\quad
-              x = ε_0 l_0 ± R\,[θ + e (\sin(θ - φ) + \sin φ)]
+    .. math:: R_i(θ) = R\,[1 + e \cos(θ - φ_i)],\quad
+              x_i = ε_0 l_0 ± R\,[θ + e (\sin(θ - φ_i) + \sin φ_i)],\quad φ_1 = φ,\ φ_2 = φ + ψ
 
-    The contraction is the integral of the lever arm, so that no work is lost. e, φ are those of every
-    joint. A sprocket out of round is of this form; a round one whose axis is beside its centre has a lever
-    arm that grows on one side as it falls on the other, which this law does not describe. Valid for |e| < 1,
-    ends of the joint to 1e-9 rad for |e| ≤ 0.2.
+    e R: distance of axis and centre; ψ: the angle over which the chain is wrapped around the sprocket. Of
+    muscles that pull in line, chains straight across the sprocket (ψ = 0), both arms change alike; of muscles
+    side by side (ψ = π) one grows by what the other falls. The contraction is the integral of the lever arm,
+    so that no work is lost. e, φ, ψ are those of every joint. Valid for |e| < 1, ends of the joint to 1e-9
+    rad for |e| ≤ 0.2.
     """
 
     name: ClassVar = "eccentric_sprocket"
     slot: ClassVar = LOAD
     reads: ClassVar = frozenset({"sprocket"})
     strength: ClassVar = "eccentricity"
-    starts: ClassVar = ({"phase": 0.0}, {"phase": 0.5 * math.pi})
-    source: ClassVar = "lever arm with one harmonic, contraction its integral"
+    starts: ClassVar = tuple(
+        {"phase": phase, "wrap_angle": wrap} for wrap in (0.0, math.pi) for phase in (0.0, 0.5 * math.pi)
+    )
+    source: ClassVar = "arm of a circle that turns about a point beside its centre; contraction its integral"
 
-    eccentricity: Scalar = parameter("", "amplitude of the lever arm over its mean", default=0.0)
-    phase: Scalar = parameter("rad", "angle of the largest lever arm", default=0.0, typical=0.5)
+    eccentricity: Scalar = parameter("", "distance of axis and centre over the radius", default=0.0)
+    phase: Scalar = parameter("rad", "angle of the largest arm of muscle 1", default=0.0, typical=0.5)
+    wrap_angle: Scalar = parameter(
+        "rad", "angle over which the chain is wrapped around the sprocket", default=0.0, typical=math.pi
+    )
 
-    def winding(self, angle: Array) -> Array:
-        return self.eccentricity * (jnp.sin(angle - self.phase) + jnp.sin(self.phase))
+    def winding(self, angle: Array, muscle: ArrayLike) -> Array:
+        phase = self.phase + muscle * self.wrap_angle
+        return self.eccentricity * (jnp.sin(angle - phase) + jnp.sin(phase))
 
-    def lever(self, angle: Array) -> Array:
-        return self.eccentricity * jnp.cos(angle - self.phase)
+    def lever(self, angle: Array, muscle: ArrayLike) -> Array:
+        return self.eccentricity * jnp.cos(angle - self.phase - muscle * self.wrap_angle)
 
 
 class ElasticTendon(AbstractStaticEffect):
@@ -83,26 +94,41 @@ class ElasticTendon(AbstractStaticEffect):
         return jnp.where(own > 0, 2 * own / (linear + root), own) - own
 
 
-def winding(effects: Effects, angle: Array) -> Array:
-    """Angle by which chain is wound up on the sprocket's mean radius [rad], after all effects on it."""
-    own = [e.winding(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
-    return sum(own, start=angle)
+def shortening(effects: Effects, angle: Array, pulls: Pulls) -> Array:
+    """Contraction of every muscle beyond that at angle 0, over the sprockets' mean radius [rad].
+
+    Args:
+        pulls: the sense in which each muscle turns each joint; for a single joint, its two muscles.
+    """
+    turned = jnp.asarray(angle)[..., None]
+    wound = sum((e.winding(turned, pulls < 0) for e in _of_transmission(effects)), start=turned)
+    return over_joints(jnp.asarray(pulls) * wound)
 
 
-def lever(effects: Effects, angle: Array) -> Array | float:
-    """Ratio of the sprocket's lever arm to its mean radius, after all effects on it."""
-    own = [e.lever(angle) for e in effects.values() if isinstance(e, AbstractTransmissionEffect)]
-    return sum(own, start=1.0)
+def over_joints(each: Array) -> Array:
+    """The sum over the joints of what each of them adds to every muscle; of a single joint, what it adds."""
+    return each.sum(axis=tuple(range(each.ndim - 1)))
+
+
+def arms(effects: Effects, angle: Array, pulls: Pulls) -> Array:
+    """Lever arms of the muscles over the sprockets' mean radius, with the sense of `pulls`, in its shape."""
+    turned = jnp.asarray(angle)[..., None]
+    levers = (each.lever(turned, pulls < 0) for each in _of_transmission(effects))
+    return jnp.asarray(pulls) * sum(levers, start=jnp.ones(()))
 
 
 UNWINDINGS = 4
 """Newton's steps to the angle of a winding: they leave less than 1e-9 rad where levers vary by a fifth."""
 
 
-def unwound(effects: Effects, wound: Array) -> Array:
-    """The angle by which a given length of chain is wound up, the inverse of :func:`winding` [rad]."""
-    angle = wound
-    if any(isinstance(e, AbstractTransmissionEffect) for e in effects.values()):
-        for _ in range(UNWINDINGS):
-            angle = angle - (winding(effects, angle) - wound) / lever(effects, angle)
+def unwound(effects: Effects, wound: Array, muscle: int) -> Array:
+    """The angle at which so much of a muscle's chain is wound up [rad]."""
+    acting, angle = _of_transmission(effects), wound
+    for _ in range(UNWINDINGS if acting else 0):
+        excess = angle - wound + sum(e.winding(angle, muscle) for e in acting)
+        angle = angle - excess / (1 + sum(e.lever(angle, muscle) for e in acting))
     return angle
+
+
+def _of_transmission(effects: Effects) -> list[AbstractTransmissionEffect]:
+    return [each for each in effects.values() if isinstance(each, AbstractTransmissionEffect)]

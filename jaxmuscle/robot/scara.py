@@ -146,13 +146,13 @@ class Scara(AbstractMuscleJoints):
         """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearings [N m]."""
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(4)
         in_bearing = friction_limit(self.effects, LOAD, signals) * jnp.ones(2)
-        limit = self._radius(signals.position) * (np.abs(PULLS) @ in_threads) + in_bearing
+        limit = self._torque(in_threads * PULLS, signals.position, PULLS) + in_bearing
         return limit, in_threads, in_bearing
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torques at the joints."""
         pulling = signals.having(muscle_force=tension(muscle_force))
-        torque = self._radius(signals.position) * (PULLS @ pulling.muscle_force)
+        torque = self._torque(pulling.muscle_force, signals.position, PULLS)
         torque = torque + self.contact_torque(signals.position, signals.velocity)
         return self._with(pulling, LOAD, torque, states)
 

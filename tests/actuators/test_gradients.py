@@ -31,7 +31,7 @@ GENERIC = {
     "wall_thickness": {"thickness": 3e-4},
     "force_drift": {"share": 0.05, "time_constant": 3.0},
     "end_stop": {"stiffness": 0.5, "position": 0.0303, "damping": 0.3},
-    "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.4},
+    "eccentric_sprocket": {"eccentricity": 0.03, "phase": 0.4, "wrap_angle": 1.1},
     "elastic_tendon": {"compliance": 2e-6},
     "bouc_wen": {"amplitude": 2.0, "distance": 4.1e-3},
     "valve_offset": {"offset": 0.11},

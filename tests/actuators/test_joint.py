@@ -25,6 +25,8 @@ SMOOTH = {
     "bladder_hoop_stiffness": {"bladder_hoop_stiffness": bench.WALL},
     "pressure_dependent_ends": {"pressure_dependent_ends": bench.ENDS},
     "length_hysteresis": {"length_hysteresis": bench.LOOP},
+    "eccentric_in_line": {"eccentric_sprocket": {"eccentricity": 0.06, "phase": 0.5}},
+    "eccentric_beside": {"eccentric_sprocket": {"eccentricity": 0.06, "phase": 0.5, "wrap_angle": 3.1}},
 }
 DRY = {
     "load_friction": {"load_friction": {"force": 0.8}},
@@ -38,7 +40,7 @@ DRY = {
 }
 CASES = {**SMOOTH, **DRY}
 DAMPED = SMOOTH["load_damping"]
-CARRIED = (*(name for name in SMOOTH if name != "bare"), "thread_friction", "load_friction")
+CARRIED = tuple(dict.fromkeys(effect for case in CASES.values() for effect in case))
 COMMAND = bench.joint_command()
 CARD = bench.CARDS["joint"]
 

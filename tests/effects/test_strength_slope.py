@@ -98,7 +98,7 @@ def contribution(effect_type, strength, velocity):
     if isinstance(effect, AbstractFrictionEffect):
         return effect.limit(now)
     if isinstance(effect, AbstractTransmissionEffect):
-        return jnp.stack([effect.winding(now.position), effect.lever(now.position)])
+        return jnp.stack([of(now.position, each) for of in (effect.winding, effect.lever) for each in (0, 1)])
     if isinstance(effect, AbstractSlipEffect):
         memory = effect.update(effect.initial(before), now, jnp.asarray(2e-3))
         bristle = Bristle(effect.value(memory, now), effect.deflection(now), effect.damping())

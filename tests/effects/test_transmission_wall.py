@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,7 @@ from oracles import bench
 from oracles.bench import built
 
 from jaxmuscle.actuators import Held
+from jaxmuscle.actuators.joint import SIDES
 from jaxmuscle.effects import (
     BoucWen,
     EccentricSprocket,
@@ -22,14 +24,16 @@ from jaxmuscle.effects import (
     WallThickness,
 )
 from jaxmuscle.effects.chain import chamber
-from jaxmuscle.effects.transmission import lever, unwound, winding
+from jaxmuscle.effects.transmission import arms, shortening, unwound
 from jaxmuscle.hysteresis.operators import bouc_wen, dahl
 from jaxmuscle.parameters import replace
 from jaxmuscle.signals import Signals
 
 MUSCLE = bench.model("driven").muscle
 X = jnp.asarray([0.0, 0.02, 0.06])
-ECCENTRIC = built(EccentricSprocket, eccentricity=0.2, phase=0.6)
+OFF = {"eccentricity": 0.2, "phase": 0.6}
+ECCENTRIC = built(EccentricSprocket, **OFF)
+WRAPS = (0.0, 1.2, np.pi)
 
 
 def pulled(gauge, muscle=MUSCLE, contraction=X, **more):
@@ -96,17 +100,30 @@ def test_tendon_is_slack_where_the_muscle_does_not_pull(gauge):
         assert all(np.isfinite(s).all() for s in slopes(jnp.asarray(compliance), long, jnp.asarray(gauge)))
 
 
-def test_lever_is_the_slope_of_the_winding():
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_arms_are_the_slopes_of_the_shortening(wrap):
     angle = jnp.linspace(-2.0, 2.0, 9)
-    effects = {"eccentric_sprocket": ECCENTRIC}
-    slope = jax.vmap(jax.grad(lambda a: winding(effects, a)))(angle)
-    np.testing.assert_allclose(slope, lever(effects, angle), rtol=1e-12)
-    assert float(winding(effects, jnp.asarray(0.0))) == 0
-    np.testing.assert_allclose(unwound(effects, winding(effects, angle)), angle, atol=1e-9)
+    effects = {"eccentric_sprocket": eqx.tree_at(lambda e: e.wrap_angle, ECCENTRIC, jnp.asarray(wrap))}
+    own = lambda a: shortening(effects, a, SIDES)  # noqa: E731
+    slopes = jax.vmap(jax.jacfwd(own))(angle)
+    np.testing.assert_allclose(slopes, jax.vmap(lambda a: arms(effects, a, SIDES))(angle), rtol=1e-12)
+    assert not own(jnp.asarray(0.0)).any()
+    for muscle, side in enumerate(SIDES):
+        wound = side * jax.vmap(own)(angle)[:, muscle]
+        np.testing.assert_allclose(unwound(effects, wound, muscle), angle, atol=1e-9)
 
 
-def test_eccentric_sprocket_loses_no_work():
-    machine = bench.model("joint", eccentric_sprocket={"eccentricity": 0.2, "phase": 0.6})
+@pytest.mark.parametrize(("wrap", "sense"), [(0.0, 1.0), (np.pi, -1.0)])
+def test_chains_on_the_same_side_change_alike_on_opposite_sides_by_as_much_less(wrap, sense):
+    effect = built(EccentricSprocket, eccentricity=0.1, phase=0.4, wrap_angle=wrap)
+    angle = jnp.linspace(-1.0, 1.0, 5)
+    np.testing.assert_allclose(effect.lever(angle, 1), sense * effect.lever(angle, 0), atol=1e-15)
+    np.testing.assert_allclose(effect.lever(angle, 0), 0.1 * jnp.cos(angle - 0.4), atol=1e-15)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_eccentric_sprocket_loses_no_work(wrap):
+    machine = bench.model("joint", eccentric_sprocket={**OFF, "wrap_angle": wrap})
     pressure = jnp.asarray(bench.AMBIENT + np.array([3e5, 2e5]))
 
     def signals(angle):
@@ -120,8 +137,9 @@ def test_eccentric_sprocket_loses_no_work():
         np.testing.assert_allclose(now.contraction_velocity, moved, rtol=1e-12)
 
 
-def test_joint_with_an_eccentric_sprocket_ends_where_a_muscle_is_at_its_full_length():
-    machine = bench.model("joint", eccentric_sprocket={"eccentricity": 0.15, "phase": 0.6})
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_joint_with_an_eccentric_sprocket_ends_where_a_muscle_is_at_its_full_length(wrap):
+    machine = bench.model("joint", eccentric_sprocket={**OFF, "wrap_angle": wrap})
     for angle in (-9.0, 9.0):
         state = {"angle": jnp.asarray(angle), "angular_velocity": jnp.zeros(())}
         state |= {"pressure": jnp.full(2, bench.AMBIENT), "pressure_rate": jnp.zeros(2)}

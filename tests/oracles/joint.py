@@ -38,6 +38,7 @@ def joint(card, effects, command, step, pressure, angle, substeps, controller=No
     link, hanging = value("gravity", "torque"), value("gravity", "hanging_angle")
     stop, hardness = effects.get("end_stop", {}).get("position", np.inf), value("end_stop", "stiffness")
     off, phase = value("eccentric_sprocket", "eccentricity"), value("eccentric_sprocket", "phase")
+    other = phase + value("eccentric_sprocket", "wrap_angle")
     line = value("line_lag", "time_constant")
     thicker = card["initial_radius"] * (1 + value("muscle_mismatch", "ratio"))
     muscles = [card, {**card, "initial_radius": thicker}]
@@ -48,14 +49,14 @@ def joint(card, effects, command, step, pressure, angle, substeps, controller=No
         bristles = [Bristles(*contact) for contact in contacts]
 
     def strains(theta):
-        """One muscle shortens by Rθ, the other lengthens; both shorten as the sprocket's centre sinks."""
-        turn, sunk = radius * theta / length, radius * off * (sin(theta - phase) + sin(phase)) / length
-        return card["initial_contraction"] + turn + sunk, card["initial_contraction"] - turn + sunk
+        """One muscle shortens by Rθ, the other lengthens; either by what the centre moves from its chain."""
+        turn = [theta + off * (sin(theta - at) + sin(at)) for at in (phase, other)]
+        first, second = (radius * each / length for each in turn)
+        return card["initial_contraction"] + first, card["initial_contraction"] - second
 
     def speeds(theta, w):
         """Velocities of contraction: lever arms of the two, one of them negative, times the turning."""
-        sinking = radius * off * cos(theta - phase)
-        return (radius + sinking) * w, (sinking - radius) * w
+        return radius * (1 + off * cos(theta - phase)) * w, -radius * (1 + off * cos(theta - other)) * w
 
     def torque(state, time, sense):
         """Torque on the joint; sharp friction at its limit against a motion of the given sense."""
