@@ -37,6 +37,7 @@ class CandidateModels:
         constants: constants of the card that may be wrong; they are candidates too.
         refinements: names of candidates that change how friction builds up; they wait until some is found
             and much is left all the same.
+        rivals: names of candidates that are tried only against one that was found.
     """
 
     model: AbstractActuator
@@ -45,6 +46,7 @@ class CandidateModels:
     priors: Mapping[str, Prior]
     constants: tuple[CardConstant, ...]
     refinements: tuple[str, ...]
+    rivals: tuple[str, ...]
 
     def sought(self, accepted: Sequence[str], much_is_left: bool) -> list[type[AbstractEffect]]:
         """Candidates that may be added to a model that has `accepted`.
@@ -55,7 +57,8 @@ class CandidateModels:
         found = {effect for effect in self.candidates if effect.name in accepted}
         rubs = any(issubclass(effect, AbstractFrictionEffect) for effect in found)
         refines = rubs and much_is_left
-        return [e for e in self.candidates if e not in found and (refines or e.name not in self.refinements)]
+        waiting = {*self.rivals, *(() if refines else self.refinements)}
+        return [e for e in self.candidates if e not in found and e.name not in waiting]
 
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying the candidates that are in `names`, and at zero strength those that are tried
@@ -81,11 +84,10 @@ class CandidateModels:
         return [e for e in rest if carries_state(e) == carries_state(effect)]
 
     def one_of_each(self) -> list[type[AbstractEffect]]:
-        """A candidate of each of those that are tried together, but for refinements."""
+        """A candidate of each of those that are tried together, but for those that wait."""
         found: dict[frozenset[type[AbstractEffect]], type[AbstractEffect]] = {}
-        for effect in self.candidates:
-            if effect.name not in self.refinements:
-                found.setdefault(frozenset(self.together(effect)), effect)
+        for effect in self.sought((), False):
+            found.setdefault(frozenset(self.together(effect)), effect)
         return [*found.values()]
 
     def in_turns(self, sought: Sequence[Sought]) -> list[Sought]:

@@ -81,7 +81,7 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     missing = missing_rates(case, outcome.model)
     traces = _traces(case, outcome, begun.result())
     before, after = (errors(case, each, traces.held_out) for each in (traces.before, traces.after))
-    squares = _squares(bench, outcome.model, training)
+    squares = bench.least_mean_squares(outcome.model, training)
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
     of_columns = {c: squares[out] for out, names in case.actuator.outputs.items() for c in names}
@@ -131,17 +131,6 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
             "random": "none: nothing is drawn at random",
         },
     )
-
-
-def _squares(bench: Workbench, model: AbstractActuator, training: Problem) -> dict[str, float]:
-    """Output → mean square that a model leaves with inputs of links as measured or as predicted: the less.
-
-    Their noise is no error of the model.
-    """
-    both = [
-        dataclasses.replace(bench, predicting=each).mean_squares(model, training) for each in (False, True)
-    ]
-    return {output: min(each[output] for each in both) for output in both[0]}
 
 
 def _borne_out(

@@ -96,7 +96,9 @@ def diagnose(
             (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
             something too, those of
             :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are tried with
-            them. Each counts if it leaves less.
+            them. Each counts if it leaves less. The first effect that is found is tried against these rarer
+            ones (:mod:`~jaxmuscle.diagnosis.rivals`): it stays unless one predicts unseen windows
+            significantly better, and those that do as well cannot be told apart from it.
             Constants are tried beside the usual effects where these leave something, or bend a value by more
             than three standard deviations of the card; with a `catalogue` of your own, beside it.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
@@ -134,7 +136,8 @@ def diagnose(
                 found = seek(chosen, constants=constants)
                 assert found is not None
                 return found
-            return _in_passes(partial(seek, refinements=(Presliding,)), further, constants)
+            rivals = (*EXTENSION, *reading_effects(kinds[0]))
+            return _in_passes(partial(seek, refinements=(Presliding,), rivals=rivals), further, constants)
 
         return interruptible(work, meter.stop)
 
@@ -245,6 +248,7 @@ def _diagnosed(
     *,
     constants: bool = False,
     refinements: Sequence[type[AbstractEffect]] = (),
+    rivals: Sequence[type[AbstractEffect]] = (),
     predicting: bool = False,
     if_found: bool = False,
     meter: Meter,
@@ -255,6 +259,7 @@ def _diagnosed(
     Args:
         first: an effect without which none of the others is tried.
         refinements: effects that are tried once a dry friction was found.
+        rivals: effects that are tried against the first one that was found.
         predicting: whether links have inputs as models predict them, where they may.
         if_found: whether it ends with `None` where nothing was found: what is left then needs no last fit.
     """
@@ -267,6 +272,7 @@ def _diagnosed(
         candidates,
         constants=sought,
         refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
+        rivals=[e for e in missing(actuator, rivals) if e not in catalogue],
         checkpoint=checkpoint,
         predicting=predicting,
     )

@@ -9,12 +9,23 @@ from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import signal_of
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
+from jaxmuscle.diagnosis.folds import STEPS
 from jaxmuscle.diagnosis.pairs import best_pairs
-from jaxmuscle.diagnosis.ranking import DECLARED, REFIT, Candidate, Ranking, rank, told_apart
-from jaxmuscle.diagnosis.verdict import MUCH, VIOLATED
+from jaxmuscle.diagnosis.ranking import (
+    DECLARED,
+    REFIT,
+    Candidate,
+    Ranking,
+    rank,
+    told_apart,
+    unseen_loss,
+)
+from jaxmuscle.diagnosis.rivals import rivals
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
@@ -104,6 +115,9 @@ class ForwardSelection:
         best = ranking.supported(len(self.found))
         if best is not None and not explains(best, len(self.found)):
             best = None
+        if best is not None and len(self.found) == self.given:
+            ranking = self._against_rivals(ranking, best, len(effects))
+            best = ranking.candidates[0]
         self.rounds.append(_round(ranking, best))
         if best is not None or len(self.found) == self.given:
             self.before = self.model, ranking
@@ -112,6 +126,40 @@ class ForwardSelection:
             return False
         self._add(best)
         return True
+
+    def _against_rivals(self, ranking: Ranking, best: Candidate, among: int) -> Ranking:
+        """The ranking with the rarer effects that may explain as much as the best one; first it stays, unless
+        one of them predicts unseen windows significantly better.
+
+        Where the best one leaves a part all effects are tried anyway.
+        """
+        (found, *others), bench = best.effects, self.bench
+        if others or isinstance(found, CardConstant) or not bench.rivals or not self._explains(best):
+            return ranking
+        present = bench.settled(self.model, self.names, self.parts, STEPS)
+        waiting = rivals(bench, self.names, best.model, self.parts, present)
+        if not waiting:
+            return ranking
+        tried = [found, *waiting]
+        rarer = rank(bench, self.model, self.names, tried, self.parts, self.meter, among + len(waiting))
+        (same,) = (each for each in rarer.candidates if each.effects == best.effects)
+        better = [
+            each
+            for each in rarer.candidates
+            if each.judged and each is not same and told_apart(same, each, rarer.stretch)
+            if each.evidence.supports(len(self.found))
+        ]
+        first = min(better, key=unseen_loss, default=same)
+        rest = [*(each for each in rarer.candidates if each is not same), same, *ranking.candidates]
+        rest = [each for each in rest if each is not first and each is not best]
+        rest.sort(key=lambda each: (not each.judged, unseen_loss(each)))
+        return dataclasses.replace(ranking, candidates=(best if first is same else first, *rest))
+
+    def _explains(self, best: Candidate) -> bool:
+        """Whether a candidate leaves little, or little of what is missing without it."""
+        both = self.model, best.model
+        before, after = (max(self.bench.least_mean_squares(each, self.parts).values()) - 1 for each in both)
+        return after <= max(MISSING**2, EXPLAINED**2 * before)
 
     def _ranked_again(self, ranking: Ranking, effects: Sequence[type[AbstractEffect]]) -> Ranking:
         """The ranking for the model in its better valley, of what was worth judging beside that valley."""

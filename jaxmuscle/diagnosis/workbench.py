@@ -277,6 +277,16 @@ class Workbench(CandidateModels):
             found[output] = float((values[weighted] ** 2).mean())
         return found
 
+    def least_mean_squares(self, model: AbstractActuator, problem: Problem) -> dict[str, float]:
+        """:meth:`mean_squares` with inputs of links as measured or as predicted: the less.
+
+        Their noise is no error of the model.
+        """
+        both = [
+            dataclasses.replace(self, predicting=each).mean_squares(model, problem) for each in (False, True)
+        ]
+        return {output: min(each[output] for each in both) for output in both[0]}
+
     def jacobian(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:
@@ -307,11 +317,14 @@ def workbench(
     candidates: Sequence[type[AbstractEffect]],
     constants: Sequence[CardConstant] = (),
     refinements: Sequence[type[AbstractEffect]] = (),
+    rivals: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
     predicting: bool = False,
 ) -> Workbench:
-    """The workbench of a case, for candidates, and refinements that wait until friction was found."""
-    candidates = [*candidates, *refinements]
+    """The workbench of a case, for candidates, refinements that wait until friction was found, and rivals
+    that wait until an effect was.
+    """
+    candidates = [*candidates, *refinements, *rivals]
     priors, width = case.priors, len(case.priors) + SPARE
     return Workbench(
         case.actuator,
@@ -320,6 +333,7 @@ def workbench(
         dict(priors),
         tuple(constants),
         tuple(effect.name for effect in refinements),
+        tuple(effect.name for effect in rivals),
         case,
         width,
         checkpoint,

@@ -152,7 +152,7 @@ def test_states_are_carried_only_where_they_are_wanted(tools):
 def test_rarer_effects_are_carried_apart_from_the_usual_ones():
     joint = bench.model("joint")
     catalogue = *CATALOGUE, *effects.EXTENSION, *effects.reading_effects(type(joint))
-    tools = CandidateModels(joint, tuple(missing(joint, catalogue)), (), {}, (), ())
+    tools = CandidateModels(joint, tuple(missing(joint, catalogue)), (), {}, (), (), ())
     rarer = {effect.name for effect in tools.candidates if effect not in CATALOGUE}
     stateful = {effect.name for effect in tools.candidates if carries_state(effect)} & rarer
     assert {"backlash", "rate_limit"} <= stateful and {"end_stop", "sensor_gain_angle"} <= rarer - stateful

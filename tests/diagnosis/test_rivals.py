@@ -1,0 +1,98 @@
+"""Rarer effects against the one that was found: which are tried, and what becomes of it."""
+
+import importlib
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from oracles.recorded import driven_card, driven_recording
+
+from jaxmuscle.diagnosis.candidates import missing
+from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.forward_selection import ForwardSelection, forward_selection
+from jaxmuscle.diagnosis.ranking import Candidate, Ranking
+from jaxmuscle.diagnosis.rivals import _projected, _slope
+from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.effects import BladderStiffness, ForceDrift, ThreadFriction, reading_effect
+from jaxmuscle.estimation.case import case
+from jaxmuscle.progress import Meter
+
+module = importlib.import_module("jaxmuscle.diagnosis.forward_selection")
+OFFSET, DRIFT = (reading_effect(kind, "force") for kind in ("sensor_offset", "sensor_drift"))
+THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.08, "velocity_constant": 0.15}
+
+
+def selected(effects, offset):
+    """A search among two usual effects, with three rarer ones that wait, on readings of the oracle."""
+    prepared = case(driven_recording(effects, driven_card({}), extra=offset, seed=3), 0.3, None)
+    of = lambda *kinds: missing(prepared.actuator, kinds)  # noqa: E731
+    bench = workbench(prepared, of(BladderStiffness, ThreadFriction), rivals=of(OFFSET, DRIFT, ForceDrift))
+    selection = forward_selection(prepared, bench, Meter(lambda progress: None))
+    selection.seek()
+    return selection
+
+
+@pytest.mark.slow
+def test_an_effect_is_tried_against_the_rarer_one_that_it_may_imitate():
+    """An offset of the force, which the bladder explains as well, or nearly."""
+    found = selected({}, -6.0)
+    alternatives = {each.name: each for each in found.rounds[0].ranking}
+    assert alternatives["sensor_offset_force"].judged and "force_drift" not in alternatives
+    rivals = {name for name, each in alternatives.items() if not each.told_apart}
+    assert "sensor_offset_force" in rivals and found.names[0] in rivals
+
+
+@pytest.mark.slow
+def test_no_rarer_effect_is_tried_against_one_that_none_can_imitate():
+    found = selected({"thread_friction": THREADS}, 0.0)
+    assert found.names == ["thread_friction"]
+    assert {each.name for each in found.rounds[0].ranking} == {"thread_friction", "bladder_stiffness"}
+
+
+LOSSES = np.log1p(4.0 + np.sin(np.arange(60.0)))[None]
+FIRST: Any = SimpleNamespace(name="bladder_stiffness")
+RARER: Any = SimpleNamespace(name="sensor_offset_force")
+MODEL: Any = SimpleNamespace()
+
+
+def candidate(effect, losses, gain=0.9):
+    return Candidate((effect,), Evidence(gain, 1e-4, float(losses.mean())), losses, MODEL, (MODEL,))
+
+
+def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True):
+    """The candidates, best first, after a rarer effect was tried against the one that was found."""
+    first, rival = candidate(FIRST, first_losses), candidate(RARER, rival_losses)
+    of = lambda *each: Ranking(5.0, (), each, 1)  # noqa: E731
+    monkeypatch.setattr(module, "rivals", lambda *of_model: [RARER])
+    monkeypatch.setattr(module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
+    bench: Any = SimpleNamespace(
+        rivals=("sensor_offset_force",),
+        settled=lambda *of_model: None,
+        least_mean_squares=lambda model, parts: {"force": 50.0 if model is MODEL and not explains else 1.0},
+    )
+    anything: Any = None
+    selection = ForwardSelection(bench, anything, anything, anything, anything, anything, True)
+    return [each.effects[0] for each in selection._against_rivals(of(first), first, 2).candidates]
+
+
+def test_the_effect_that_was_found_stays_unless_a_rarer_one_is_clearly_better(monkeypatch):
+    better = LOSSES - 0.5
+    assert after_rivals(monkeypatch, LOSSES, LOSSES - 1e-9) == [FIRST, RARER]
+    assert after_rivals(monkeypatch, better, LOSSES) == [FIRST, RARER]
+    assert after_rivals(monkeypatch, LOSSES, better) == [RARER, FIRST]
+
+
+def test_no_rarer_effect_is_tried_beside_one_that_leaves_a_part(monkeypatch):
+    """All are tried then, in a search of their own."""
+    assert after_rivals(monkeypatch, LOSSES, LOSSES - 0.5, explains=False) == [FIRST]
+
+
+@pytest.mark.parametrize("size", [1e3, 1.0, 1e-7])
+def test_the_slope_over_a_strength_is_found_whatever_its_size(size):
+    direction = np.linspace(0.5, 1.0, 20)
+    none = np.cos(np.arange(20.0))
+    slope = _slope(lambda strength: none + np.tanh(strength / size) * direction, none, 1.0)
+    np.testing.assert_allclose(slope, direction / size, rtol=5e-3)
+    assert _projected(none, direction) == pytest.approx(-(direction @ none) / (direction @ direction))
+    assert _projected(none, 0 * direction) == 0.0
