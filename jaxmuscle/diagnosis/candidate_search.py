@@ -22,7 +22,7 @@ from jaxmuscle.diagnosis.candidates import (
     strengths,
 )
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.evidence import blocks, telling_excess
+from jaxmuscle.diagnosis.evidence import blocks, gain, telling_excess
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench, squares
 from jaxmuscle.estimation.residuals import evaluate
@@ -48,9 +48,10 @@ HOPE, LEAST = 0.02, 2.0
 """Part of the excess error, and of the cost, that the short fits have to remove to be carried on: less than
 half of what makes a candidate worth judging, and a likelihood ratio that no test takes for evidence."""
 PLENTY = 0.2
-"""Part of the excess error that is enough in any case. An error that lasts as long as the recording is worth
-so few readings that the whole of it costs less than a likelihood ratio of evidence does: of a drift of the
-load cell that left 5 noise units no candidate had hope."""
+"""Part of the excess error that is enough in any case, of the cost or of the losses of blocks. An error that
+lasts as long as the recording is worth so few readings that the whole of it costs less than a likelihood
+ratio of evidence does: of a drift of the load cell that left 5 noise units no candidate had hope. Nor had an
+offset of the force of 18 noise units beside a current with coloured noise, whose excess cost more."""
 NEAR, PATIENCE = 0.25, 4
 """Part of that within which a short fit ends near a minimum, and steps in which it has to get so far."""
 
@@ -149,7 +150,7 @@ def _search(
         fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors, goal))
         did(1 - STARTED)
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    if minimum.cost > goal.goal:
+    if minimum.cost > goal.goal and not _removes_plenty(bench, present.model, best, problem):
         return SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
     return bench.settled(best, names, problem, LONG_STEPS, SLOW)
 
@@ -160,6 +161,13 @@ def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
     residuals = bench.residuals(present.model, problem)
     excess = 0.5 * telling_excess(residuals, problem.weights, block, present.factors)
     return max(HOPE * excess, min(LEAST, PLENTY * excess))
+
+
+def _removes_plenty(
+    bench: Workbench, present: AbstractActuator, model: AbstractActuator, problem: Problem
+) -> bool:
+    """Whether a model removes :data:`PLENTY` of the losses of blocks, which weigh readings by their noise."""
+    return gain(bench.losses(present, problem), bench.losses(model, problem)) >= PLENTY
 
 
 def _best_start(

@@ -23,22 +23,24 @@ def by_likelihood(
     promising: Sequence[tuple[tuple[Sought, ...], SettledFit]],
     evidence: Sequence[Evidence],
     tried: int,
+    found: int,
 ) -> list[Evidence]:
     """The evidence, with the p-value of a likelihood ratio where too few stretches tell the models apart.
 
     Args:
         promising: candidates and models with them, fitted to everything.
         tried: candidates that were searched, which the p-value allows for (Bonferroni).
+        found: effects that were found before the last one of these; evidence has to be enough after so many.
     """
     starts = (model, bench.with_card_values(model))
     present = bench.best_fit(starts, accepted, problem, STEPS).model
     before = bench.residuals(present, problem)
-    found = []
+    judged = []
     for (effects, larger), told in zip(promising, evidence, strict=True):
-        if told.too_few_stretches(len(accepted)):
+        if told.too_few_stretches(found):
             after = bench.residuals(larger.model, problem)
             parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
             p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
             told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)
-        found.append(told)
-    return found
+        judged.append(told)
+    return judged

@@ -24,6 +24,7 @@ from jaxmuscle.diagnosis.ranking import (
     correlation,
     judged_all,
     round_work,
+    told_apart,
 )
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
@@ -41,6 +42,10 @@ are. With all the forty of a last pass that took half an hour on a joint."""
 NEEDED = 0.2
 """Part of the excess error that a pair has to remove, on unseen windows, of what a single effect leaves:
 either of its own, or the best one; or it halves the error."""
+NEARLY, MOST = 0.95, 2
+"""Part of what the best pair removes of the excess error, where it is fitted, which others have to remove to
+be judged beside it; and so many of them at most. An offset of a joint's angle (0.05 rad) and a mismatch of
+its muscles (3 %), each beside an end stop, explain the same."""
 
 
 Pair: TypeAlias = tuple[tuple[Sought, ...], SettledFit]
@@ -54,12 +59,13 @@ def best_pairs(
     problem: Problem,
     meter: Meter,
 ) -> list[Candidate]:
-    """The pair that explains most where it is fitted, if both are needed; nothing else.
+    """The pair that explains most where it is fitted, if both are needed, and those that are like it.
 
     Effects stand beside effects, and beside the constants of the card that do best: where a scale was misread
-    and a guide rubs, neither shows alone. Behind a pair with a constant come those of its effect with another
-    constant. It also has to do better, by :data:`NEEDED`, than the best single candidate. Its p-value allows
-    for all pairs of a leader (Bonferroni).
+    and a guide rubs, neither shows alone. It also has to do better, by :data:`NEEDED`, than the best single
+    candidate. Its p-value allows for all pairs of a leader (Bonferroni). Beside a pair with a constant are
+    those of its effect with another constant. Of pairs that explain nearly as much, the one with most effects
+    of the usual catalogue comes first, if no other predicts unseen windows significantly better.
 
     Args:
         model, accepted: the present model and its effects, of which `ranking` is.
@@ -78,9 +84,57 @@ def best_pairs(
         return []
     best = hopeful[best_of([fitted for _, fitted in hopeful])]
     alike = [pair for pair in hopeful if pair is not best and _same_but_for_a_constant(pair, best)]
+    alike += _near(bench, model, [*alike, best], hopeful, best, problem)
     tried = len(leaders) * len(sought)
-    found = [_judged(bench, model, accepted, ranking, problem, *p, tried, meter) for p in (best, *alike)]
-    return [each for each in found if each is not None] if found[0] is not None else []
+    first, *others = (
+        _judged(bench, model, accepted, ranking, problem, *pair, tried, meter) for pair in (best, *alike)
+    )
+    if first is None:
+        return []
+    judged = [first, *(each for each in others if each is not None)]
+    return usual_first(judged, len(accepted) + 1, ranking.stretch)
+
+
+def _near(
+    bench: Workbench,
+    model: AbstractActuator,
+    but: Sequence[Pair],
+    pairs: Sequence[Pair],
+    best: Pair,
+    problem: Problem,
+) -> list[Pair]:
+    """Pairs of other effects that remove nearly as much of the excess error as the best one, best first."""
+    before = bench.losses(model, problem)
+    least = NEARLY * gain(before, bench.losses(best[1].model, problem))
+    parts: dict[frozenset[str], tuple[float, Pair]] = {}
+    for pair in pairs:
+        names, part = _names(pair), gain(before, bench.losses(pair[1].model, problem))
+        if part >= max(least, parts[names][0] if names in parts else 0.0):
+            parts[names] = part, pair
+    for pair in but:
+        parts.pop(_names(pair), None)
+    return [pair for _, pair in sorted(parts.values(), key=lambda each: -each[0])][:MOST]
+
+
+def _names(pair: Pair) -> frozenset[str]:
+    return frozenset(effect.name for effect in pair[0])
+
+
+def usual_first(pairs: Sequence[Candidate], found: int, stretch: int) -> list[Candidate]:
+    """The pair with most usual effects of those that are as good as the first of `pairs`, then the others.
+
+    As good is one that is supported if the first one is, after so many effects `found`, and that this one is
+    not told apart from.
+    """
+    best, *others = pairs
+    as_good = [
+        each
+        for each in others
+        if each.evidence.supports(found) == best.evidence.supports(found)
+        if not told_apart(each, best, stretch)
+    ]
+    first = min((best, *as_good), key=lambda each: sum(effect not in CATALOGUE for effect in each.effects))
+    return [first, *(each for each in pairs if each is not first)]
 
 
 def _best_alone(ranking: Ranking, sought: Sequence[type[AbstractEffect]]) -> list[type[AbstractEffect]]:
@@ -153,8 +207,10 @@ def _judged(
     if not all(needed(single, both) for single in singles):
         return None
     (told,) = compare(without, [both], folds.stretch)
-    if told.too_few_stretches(len(accepted) + 1):
-        (told,) = by_likelihood(bench, model, accepted, problem, [(effects, found)], [told], tried)
+    before = len(accepted) + 1
+    if told.too_few_stretches(before):
+        pair = [(effects, found)]
+        (told,) = by_likelihood(bench, model, accepted, problem, pair, [told], tried, before)
     else:
         told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
     return Candidate(effects, told, both, found.model, refitted[-1])

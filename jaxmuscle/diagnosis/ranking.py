@@ -18,7 +18,6 @@ from jaxmuscle.diagnosis.evidence import (
     Blocks,
     Evidence,
     Losses,
-    block_losses,
     block_means,
     blocks,
     compare,
@@ -140,8 +139,8 @@ def rank(
     begun, present = present, _at_its_best(bench, accepted, problem, block, present, rest, searched)
     valley = None if present is begun else present.model
     cost, missed = bench.cost(present.model, problem), _missed(bench, present.model, problem, block)
-    before = _seen(bench, present.model, problem, block)
-    seen = [_seen(bench, found.model, problem, block) for found in searched]
+    before = bench.losses(present.model, problem)
+    seen = [bench.losses(found.model, problem) for found in searched]
     gains = [gain(before, own) for own in seen]
     falls = [2 * (cost - bench.cost(found.model, problem)) / missed if missed else 0.0 for found in searched]
     chosen = _promising([max(pair) for pair in zip(gains, falls, strict=True)])
@@ -157,7 +156,8 @@ def rank(
     losses, refitted = judged_all(bench, folds, models, JUDGEMENT * (len(rest) + 1) / len(models), meter)
     evidence = compare(losses[0], losses[1:], folds.stretch)
     if any(told.too_few_stretches(len(accepted)) for told in evidence):
-        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, max(among, len(rest)))
+        among = max(among, len(rest))
+        evidence = by_likelihood(bench, model, accepted, problem, promising, evidence, among, len(accepted))
     tried = [
         Candidate(effects, told, own, found.model, models)
         for (effects, found), told, own, models in zip(
@@ -193,12 +193,6 @@ def judged_all(
     each = [judged[i : i + count] for i in range(0, len(judged), count)]
     losses = [folds.in_time([loss for loss, _ in parts]) for parts in each]
     return losses, [tuple(model for _, model in parts) for parts in each]
-
-
-def _seen(bench: Workbench, model: AbstractActuator, problem: Problem, block: Blocks) -> Losses:
-    """Losses of `model` as it is, on windows that it may have been fitted to."""
-    everything = np.arange(int(block.max()) + 1)
-    return block_losses(bench.residuals(model, problem), problem.weights, block, everything)
 
 
 def _at_its_best(

@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import shapes, strength_path, strengths
-from jaxmuscle.diagnosis.evidence import Losses, block_losses, blocks, gain
+from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import Workbench
@@ -65,20 +65,15 @@ def rivals(
         found: the model fitted with it.
     """
     free = _FreeParameters.of(bench, bench.dressed(present.model, accepted), accepted, problem, present)
-    block = blocks(len(problem.rows), problem.samples, int(problem.period))
-    everything = np.arange(int(block.max()) + 1)
-
-    def losses(model: AbstractActuator) -> Losses:
-        return block_losses(bench.residuals(model, problem), problem.weights, block, everything)
 
     def removed(effect: type[AbstractEffect]) -> float:
         """Part of the excess error."""
         dressed = bench.dressed(present.model, [*accepted, effect.name])
         best = min(_trials(dressed, effect, free), key=lambda trial: float((free.rest(trial) ** 2).sum()))
-        return gain(before, losses(free.moved(best)))
+        return gain(before, bench.losses(free.moved(best), problem))
 
-    before = losses(free.model)
-    least = AS_MUCH * gain(before, losses(found))
+    before = bench.losses(free.model, problem)
+    least = AS_MUCH * gain(before, bench.losses(found, problem))
     waiting = [e for e in bench.candidates if e.name in bench.rivals and e.name not in accepted]
     near = sorted((-part, i) for i, part in enumerate(on_all_cores(removed, waiting)) if part >= least)
     return excited(bench.case, bench.case.actuator, [waiting[i] for _, i in near[:MOST]])

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_models import CandidateModels
 from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.evidence import Losses, block_losses, blocks
 from jaxmuscle.diagnosis.settled_fit import (
     Factors,
     SettledFit,
@@ -276,6 +277,12 @@ class Workbench(CandidateModels):
             weighted = np.asarray(problem.weights[output]) > 0
             found[output] = float((values[weighted] ** 2).mean())
         return found
+
+    def losses(self, model: AbstractActuator, problem: Problem) -> Losses:
+        """Loss of every block of windows that the model may have been fitted to."""
+        block = blocks(len(problem.rows), problem.samples, int(problem.period))
+        judged = np.arange(int(block.max()) + 1)
+        return block_losses(self.residuals(model, problem), problem.weights, block, judged)
 
     def least_mean_squares(self, model: AbstractActuator, problem: Problem) -> dict[str, float]:
         """:meth:`mean_squares` with inputs of links as measured or as predicted: the less.

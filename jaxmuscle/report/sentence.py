@@ -52,7 +52,8 @@ def indistinguishable(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.added:
         return []
     added = {effect.name for effect in diagnosis.added}
-    return [words(a.name) for a in diagnosis.alternatives if not a.told_apart and a.name not in added]
+    rivals = [a.name for a in diagnosis.alternatives if not a.told_apart and a.name not in added]
+    return [words(name).replace(" + ", " with ") for name in rivals]
 
 
 def effect_phrase(diagnosis: Diagnosis, effect: FoundEffect) -> str:

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from jaxmuscle.diagnosis import candidate_search
-from jaxmuscle.diagnosis.candidate_search import AGAIN, BENT, HOPE, LEAST, PLENTY, _needed, search_all
+from jaxmuscle.diagnosis.candidate_search import (
+    AGAIN,
+    BENT,
+    HOPE,
+    LEAST,
+    PLENTY,
+    _needed,
+    _removes_plenty,
+    search_all,
+)
 from jaxmuscle.progress import Meter
 
 WINDOWS, SAMPLES, PERIOD, MISSED = 4, 100, 25, 5.0
@@ -38,6 +47,18 @@ def test_no_less_than_a_likelihood_ratio_that_says_something():
 def test_an_error_as_long_as_the_recording_leaves_candidates_hope():
     """All of it costs 1.6: less than the least fall, which no candidate could have reached."""
     assert needed((1.6 / EXCESS) ** 0.5) == pytest.approx(PLENTY * 1.6)
+
+
+@pytest.mark.parametrize(("after", "plenty"), [(2.0, True), (4.8, False)])
+def test_a_constant_error_beside_coloured_noise_leaves_hope(after, plenty):
+    """Of the force, by losses of blocks: to its cost that of the current, which nothing takes away, adds."""
+    left = {"before": MISSED, "after": after}
+    losses = lambda model, problem: np.log1p(np.array([[left[model] ** 2] * 40, [2.5] * 40]))  # noqa: E731
+    bench: Any = SimpleNamespace(losses=losses)
+    present: Any = "before"
+    fitted: Any = "after"
+    problem: Any = None
+    assert _removes_plenty(bench, present, fitted, problem) is plenty
 
 
 COSTS = {"creep": 7.0, "delay": 3.0, "leak": 5.0, "gravity": 1.0}
