@@ -27,7 +27,7 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
 )
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH
+from jaxmuscle.diagnosis.verdict import EXPLAINED, LITTLE, MISSING, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
@@ -200,7 +200,8 @@ def _leaves_something(diagnosis: Diagnosis) -> bool:
     something may imitate another one: a supply that droops under flow looks like one of a lower pressure.
     """
     something = diagnosis.missing_in_noise > MISSING or diagnosis.verdict == "unexplained"
-    return something and diagnosis.share_left > EXPLAINED
+    right = LITTLE if diagnosis.missing_in_noise > MUCH else EXPLAINED
+    return something and diagnosis.share_left > right
 
 
 def _predicts_inputs(diagnosis: Diagnosis) -> bool:

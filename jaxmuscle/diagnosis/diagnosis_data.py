@@ -93,11 +93,16 @@ class Alternative:
 
 @dataclasses.dataclass(frozen=True)
 class Round:
-    """One search: the loss of the present model, all candidates best first, and which was added."""
+    """One search: the loss of the model without any candidate, all best first, and which was added.
+
+    `beside`: where candidates were tried once more for a place that one of them had, the effects that were
+    added after it and are in the model.
+    """
 
     loss: float
     ranking: tuple[Alternative, ...]
     added: str | None
+    beside: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,18 +239,23 @@ class DiagnosisData:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Runners-up of the first search of several that added what is in the model; best first.
-
-        Else of the first search that added something, else of the first.
+        """Runners-up of the first effect in the model, by the last search of several that tried each; best
+        first. Else of the first search that added something, else of the first.
         """
         if not self.rounds:
             return ()
-        names = {effect.name for effect in self.added}
+        names = [effect.name for effect in self.added]
         adding = [search for search in self.rounds if search.added is not None]
         stayed = [
             each
             for each in adding
-            if len(each.ranking) > 1 and each.added and set(each.added.split(" + ")) <= names
+            if len(each.ranking) > 1 and each.added and {*each.added.split(" + ")} <= {*names}
         ]
-        first = (stayed or adding or list(self.rounds))[0]
-        return tuple(a for a in first.ranking if a.name != first.added)
+        place = [names.index((each.added or "").split(" + ")[0]) for each in stayed]
+        first = [each for each, at in zip(stayed, place, strict=True) if at == min(place)]
+        searches = first or (adding or list(self.rounds))[:1]
+        latest: dict[str, Alternative] = {}
+        for search in reversed(searches):
+            for each in search.ranking:
+                latest.setdefault(each.name, each)
+        return tuple(each for each in latest.values() if each.name != searches[-1].added)

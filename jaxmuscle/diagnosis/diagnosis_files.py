@@ -171,7 +171,8 @@ def _estimates(data: Mapping[str, Any]) -> dict[str, Estimate]:
 
 
 def _round(data: Mapping[str, Any]) -> Round:
-    return Round(**{**data, "ranking": tuple(Alternative(**each) for each in data["ranking"])})
+    ranking = tuple(Alternative(**each) for each in data["ranking"])
+    return Round(**{**data, "ranking": ranking, "beside": tuple(data.get("beside", ()))})
 
 
 def _errors(data: Mapping[str, Any]) -> dict[str, dict[str, Error]]:

@@ -25,6 +25,7 @@ from jaxmuscle.diagnosis.ranking import (
     unseen_loss,
 )
 from jaxmuscle.diagnosis.rivals import rivals
+from jaxmuscle.diagnosis.sequential_replacement import replacements
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
@@ -54,6 +55,7 @@ class ForwardSelection:
         found: what was added, effect by effect; `rounds`: the searches; `folds`: fits of the last one.
         given: how many of `found` the search among all candidates began with.
         before: the model and the ranking of the last search that added something.
+        rankings: effect that was added alone → ranking of the search that added it.
     """
 
     bench: Workbench
@@ -67,6 +69,7 @@ class ForwardSelection:
     rounds: list[Round] = dataclasses.field(default_factory=list)
     folds: tuple[AbstractActuator, ...] = ()
     before: tuple[AbstractActuator, Ranking] | None = None
+    rankings: dict[str, Ranking] = dataclasses.field(default_factory=dict)
     given: int = 0
 
     @property
@@ -86,6 +89,7 @@ class ForwardSelection:
             quiet = left < NOTHING_LEFT and not self._contradicts_the_card()
             if quiet or not (self._single(much) or (much and self._pair())):
                 break
+            self._replace_earlier()
 
     def _contradicts_the_card(self) -> bool:
         """Whether a value has run far from the card's: it may make up for what is missing."""
@@ -115,8 +119,8 @@ class ForwardSelection:
         best = ranking.supported(len(self.found))
         if best is not None and not explains(best, len(self.found)):
             best = None
-        if best is not None and len(self.found) == self.given:
-            ranking = self._against_rivals(ranking, best, len(effects))
+        if best is not None:
+            ranking = self._against_rivals(ranking, best, effects)
             best = ranking.candidates[0]
         self.rounds.append(_round(ranking, best))
         if best is not None or len(self.found) == self.given:
@@ -125,23 +129,39 @@ class ForwardSelection:
             self.folds = ranking.folds
             return False
         self._add(best)
+        self.rankings[best.name] = ranking
         return True
 
-    def _against_rivals(self, ranking: Ranking, best: Candidate, among: int) -> Ranking:
-        """The ranking with the rarer effects that may explain as much as the best one; first it stays, unless
+    def _replace_earlier(self) -> None:
+        """Put another effect in the place of one that was added before the last, if it does better there."""
+        for place, earlier in enumerate(self.found[self.given : -1], self.given):
+            alone = self.rankings.get(earlier.name)
+            if alone is None:
+                continue
+            again = replacements(self.bench, self.model, self.names, alone, self.parts, self.meter)
+            if again is None:
+                continue
+            best, others = again.candidates[0], [name for name in self.names if name != earlier.name]
+            self.rounds.append(dataclasses.replace(_round(again, best), beside=tuple(others)))
+            if best.name != earlier.name:
+                self.found[place] = best
+                self._refit_with(best)
+
+    def _against_rivals(
+        self, ranking: Ranking, best: Candidate, sought: Sequence[type[AbstractEffect]]
+    ) -> Ranking:
+        """The ranking with those that wait and may explain as much as the best one; first it stays, unless
         one of them predicts unseen windows significantly better.
 
-        Where the best one leaves a part all effects are tried anyway.
+        Args:
+            sought: the effects of which that is the ranking.
         """
-        (found, *others), bench = best.effects, self.bench
-        if others or isinstance(found, CardConstant) or not bench.rivals or not self._explains(best):
-            return ranking
-        present = bench.settled(self.model, self.names, self.parts, STEPS)
-        waiting = rivals(bench, self.names, best.model, self.parts, present)
+        found, bench = best.effects[0], self.bench
+        waiting = [] if isinstance(found, CardConstant) else self._waiting(best, sought)
         if not waiting:
             return ranking
-        tried = [found, *waiting]
-        rarer = rank(bench, self.model, self.names, tried, self.parts, self.meter, among + len(waiting))
+        tried, among = [found, *waiting], len(sought) + len(waiting)
+        rarer = rank(bench, self.model, self.names, tried, self.parts, self.meter, among)
         (same,) = (each for each in rarer.candidates if each.effects == best.effects)
         better = [
             each
@@ -154,6 +174,23 @@ class ForwardSelection:
         rest = [each for each in rest if each is not first and each is not best]
         rest.sort(key=lambda each: (not each.judged, unseen_loss(each)))
         return dataclasses.replace(ranking, candidates=(best if first is same else first, *rest))
+
+    def _waiting(
+        self, best: Candidate, sought: Sequence[type[AbstractEffect]]
+    ) -> Sequence[type[AbstractEffect]]:
+        """What waits and may be imitated by the best one of those that were sought.
+
+        Against the first effect that is found, if it leaves little, rarer ones; where it leaves a part all
+        are tried anyway. Against a later one what refines a friction that was found before: friction that
+        builds up delays a force as a lag of its sensor does.
+        """
+        bench = self.bench
+        if len(self.found) > self.given:
+            return [effect for effect in bench.sought(self.names, much_is_left=True) if effect not in sought]
+        if not bench.rivals or not self._explains(best):
+            return []
+        present = bench.settled(self.model, self.names, self.parts, STEPS)
+        return rivals(bench, self.names, best.model, self.parts, present)
 
     def _explains(self, best: Candidate) -> bool:
         """Whether a candidate leaves little, or little of what is missing without it."""
@@ -195,6 +232,10 @@ class ForwardSelection:
     def _add(self, best: Candidate) -> None:
         """Add what was found and refit everything."""
         self.found += best.apart()
+        self._refit_with(best)
+
+    def _refit_with(self, best: Candidate) -> None:
+        """Refit everything, from the model with what was added."""
         self.meter.expect(REFIT)
         self.meter.did(0.0, f"adding {best.name}, refitting everything")
         self._refit((best.model, self.bench.with_card_values(best.model)))

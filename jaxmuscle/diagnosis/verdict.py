@@ -28,6 +28,9 @@ what refines a friction that was found."""
 EXPLAINED = 0.3
 """Share up to which effects that leave something are taken to be the right ones all the same: a rough bearing
 leaves a few noise units of several hundred (0.03 on practice recording 12)."""
+LITTLE = 0.02
+"""The same where they leave much: a joint whose threads and bearing stick leaves 3.8 noise units of 890
+(0.01), which no other effect explains; a drift of the force beside a bladder left 6.6 of 110 (0.04)."""
 SURE = 2.0
 """Standard deviations by which the strength of an effect has to differ from none."""
 VIOLATED = 3.0

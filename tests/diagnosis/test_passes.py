@@ -100,8 +100,15 @@ def test_inputs_are_predicted_where_the_model_knows_them(monkeypatch, off, asks)
 
 
 def test_a_little_of_much_is_no_reason_to_go_on():
-    found, asked = passes(Outcome(4.6, ("thread_friction",), share_left=0.14))
-    assert found.added == ("thread_friction",) and asked == [CATALOGUE]
+    for little in (Outcome(2.6, share_left=0.14), Outcome(4.6, share_left=0.01)):
+        found, asked = passes(dataclasses.replace(little, names=("thread_friction",)))
+        assert found.added == ("thread_friction",) and asked == [CATALOGUE]
+
+
+def test_much_that_is_left_is_one_even_if_more_was_explained():
+    """A drift of the force beside a bladder."""
+    found, asked = passes(Outcome(6.6, ("bladder",), share_left=0.04), Outcome(0.3, ("bladder", "drift")))
+    assert found.added == ("bladder", "drift") and len(asked) == 2
 
 
 def test_nothing_is_unexplained_before_all_effects_were_tried():

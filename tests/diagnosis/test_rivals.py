@@ -53,6 +53,7 @@ def test_no_rarer_effect_is_tried_against_one_that_none_can_imitate():
 LOSSES = np.log1p(4.0 + np.sin(np.arange(60.0)))[None]
 FIRST: Any = SimpleNamespace(name="bladder_stiffness")
 RARER: Any = SimpleNamespace(name="sensor_offset_force")
+OTHER: Any = SimpleNamespace(name="creep")
 MODEL: Any = SimpleNamespace()
 
 
@@ -60,8 +61,10 @@ def candidate(effect, losses, gain=0.9):
     return Candidate((effect,), Evidence(gain, 1e-4, float(losses.mean())), losses, MODEL, (MODEL,))
 
 
-def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True):
-    """The candidates, best first, after a rarer effect was tried against the one that was found."""
+def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True, before=()):
+    """The candidates, best first, after what waits was tried against the one that was found: a rarer effect,
+    or, after others that were found `before`, what refines a friction.
+    """
     first, rival = candidate(FIRST, first_losses), candidate(RARER, rival_losses)
     of = lambda *each: Ranking(5.0, (), each, 1)  # noqa: E731
     monkeypatch.setattr(module, "rivals", lambda *of_model: [RARER])
@@ -69,11 +72,15 @@ def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True):
     bench: Any = SimpleNamespace(
         rivals=("sensor_offset_force",),
         settled=lambda *of_model: None,
+        sought=lambda names, much_is_left: [FIRST, OTHER, *([RARER] if much_is_left else [])],
         least_mean_squares=lambda model, parts: {"force": 50.0 if model is MODEL and not explains else 1.0},
     )
     anything: Any = None
     selection = ForwardSelection(bench, anything, anything, anything, anything, anything, True)
-    return [each.effects[0] for each in selection._against_rivals(of(first), first, 2).candidates]
+    selection.found = [*before]
+    return [
+        each.effects[0] for each in selection._against_rivals(of(first), first, [FIRST, OTHER]).candidates
+    ]
 
 
 def test_the_effect_that_was_found_stays_unless_a_rarer_one_is_clearly_better(monkeypatch):
@@ -86,6 +93,12 @@ def test_the_effect_that_was_found_stays_unless_a_rarer_one_is_clearly_better(mo
 def test_no_rarer_effect_is_tried_beside_one_that_leaves_a_part(monkeypatch):
     """All are tried then, in a search of their own."""
     assert after_rivals(monkeypatch, LOSSES, LOSSES - 0.5, explains=False) == [FIRST]
+
+
+def test_what_refines_a_friction_is_tried_against_an_effect_that_is_found_after_it(monkeypatch):
+    friction = [candidate(SimpleNamespace(name="thread_friction"), LOSSES)]
+    assert after_rivals(monkeypatch, LOSSES, LOSSES - 0.5, before=friction, explains=False) == [RARER, FIRST]
+    assert after_rivals(monkeypatch, LOSSES, LOSSES, before=friction) == [FIRST, RARER]
 
 
 @pytest.mark.parametrize("size", [1e3, 1.0, 1e-7])

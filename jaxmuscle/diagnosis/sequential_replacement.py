@@ -1,0 +1,119 @@
+"""Sequential replacement: an effect that was added before another against those that did as well as it alone
+(Miller, Subset Selection in Regression, 2nd ed., 2002, chapter 3).
+
+What is added first explains most alone. Where two effects act at once, a third one may do that: an offset of
+the angle of a joint for the mismatch of its muscles, as long as the end stop that it runs into is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidate_search import search, search_work
+from jaxmuscle.diagnosis.candidates import Sought, without
+from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.evidence import blocks, compare
+from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
+from jaxmuscle.diagnosis.ranking import (
+    JUDGEMENT,
+    Candidate,
+    Ranking,
+    correlation,
+    judged_all,
+    told_apart,
+    typical,
+    unseen_loss,
+)
+from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.parallel import on_all_cores
+from jaxmuscle.parameters import replace
+from jaxmuscle.progress import Meter
+
+MOST = 2
+"""Effects that are tried in the place of one: those that did best alone."""
+
+
+def replacements(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    ranking: Ranking,
+    problem: Problem,
+    meter: Meter,
+) -> Ranking | None:
+    """The ranking of the effects for a place beside those that were added later; `None` if there is one only.
+
+    First stays the one that was added, unless another one is supported there and predicts unseen windows
+    significantly better.
+
+    Args:
+        model, accepted: the present model and all its effects.
+        ranking: of the search that added one of these, the first in it, alone.
+    """
+    added = ranking.candidates[0]
+    others = [name for name in accepted if name != added.name]
+    tried = _as_good_alone(ranking, accepted)
+    if not tried:
+        return None
+    meter.expect(sum(search_work(effect) for effect in tried) + JUDGEMENT * FOLDS * (len(tried) + 2))
+    bare = bench.dressed(replace(model, without(added.effects[0])), others)
+    present = bench.settled(bare, others, problem, STEPS)
+    bases = present.model, bench.with_card_values(present.model)
+    searched = on_all_cores(
+        lambda effect: search(bench, bases, others, effect, problem, present, meter), tried
+    )
+    hopeful = [pair for pair in zip(tried, searched, strict=True) if pair[1].hopeful]
+    if not hopeful:
+        return None
+    own = bench.settled(model, accepted, problem, STEPS)
+    return _ranked(bench, others, present, [(added.effects[0], own), *hopeful], problem, meter)
+
+
+def _as_good_alone(ranking: Ranking, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
+    """Effects from which the one that was added was not told apart, best first; of a constant none."""
+    added, *others = ranking.candidates
+    if isinstance(added.effects[0], CardConstant):
+        return []
+    as_good = [
+        each.effects[0]
+        for each in others
+        if each.judged and each.name not in accepted and not told_apart(each, added, ranking.stretch)
+    ]
+    return [effect for effect in as_good if not isinstance(effect, CardConstant)][:MOST]
+
+
+def _ranked(
+    bench: Workbench,
+    others: Sequence[str],
+    present: SettledFit,
+    entries: Sequence[tuple[Sought, SettledFit]],
+    problem: Problem,
+    meter: Meter,
+) -> Ranking:
+    """The ranking of effects, the one that was added first, beside the `others` of the `present` model."""
+    best = min(
+        (fitted for _, fitted in entries), key=lambda fitted: float(bench.losses(fitted.model, problem).sum())
+    )
+    block = blocks(len(problem.rows), problem.samples, int(problem.period))
+    folds = Folds(problem, block, correlation(bench, best.model, problem, block))
+    models = [(present, list(others)), *((fitted, [*others, effect.name]) for effect, fitted in entries)]
+    (bare, *losses), refitted = judged_all(bench, folds, models, JUDGEMENT, meter)
+    candidates = [
+        Candidate((effect,), told, own, fitted.model, fits)
+        for (effect, fitted), told, own, fits in zip(
+            entries, compare(bare, losses, folds.stretch), losses, refitted[1:], strict=True
+        )
+    ]
+    added, *rivals = candidates
+    better = [
+        each
+        for each in rivals
+        if each.evidence.supports(len(others)) and told_apart(added, each, folds.stretch)
+    ]
+    first = min(better, key=unseen_loss, default=added)
+    rest = sorted((each for each in candidates if each is not first), key=unseen_loss)
+    return Ranking(typical(bare), refitted[0], (first, *rest), folds.stretch)
