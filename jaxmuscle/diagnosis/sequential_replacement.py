@@ -2,7 +2,8 @@
 (Miller, Subset Selection in Regression, 2nd ed., 2002, chapter 3).
 
 What is added first explains most alone. Where two effects act at once, a third one may do that: an offset of
-the angle of a joint for the mismatch of its muscles, as long as the end stop that it runs into is missing.
+the pressure in the place of a bladder, as long as the force's drift is missing (0.67 and 0.68 of the excess
+error alone; beside the drift 0.90 and 0.96).
 """
 
 from __future__ import annotations
