@@ -36,7 +36,7 @@ class CandidateModels:
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         constants: constants of the card that may be wrong; they are candidates too.
         refinements: names of candidates that change how friction builds up; they wait until some is found
-            and much is left all the same.
+            and much is left all the same, or another effect is found after it, against which they are tried.
         rivals: names of candidates that are tried only against one that was found.
     """
 

@@ -55,7 +55,9 @@ def test_an_offset_that_was_taken_for_the_bladder_goes_once_the_drift_is_there()
 def test_the_right_one_stays_and_is_told_apart():
     found = added_in_turn("bladder_stiffness", {"bladder_stiffness": STIFF, "force_drift": DRIFT})
     assert found.names == ["bladder_stiffness", "force_drift"]
-    assert found.rounds[-1].ranking[0].name == found.rounds[-1].added == "bladder_stiffness"
+    first, *others = found.rounds[-1].ranking
+    assert first.name == found.rounds[-1].added == "bladder_stiffness"
+    assert [each.name for each in others if each.told_apart] == ["sensor_offset_pressure"]
 
 
 def candidate(name, loss, judged=True):
