@@ -203,6 +203,16 @@ def signed_ranks(falls: Float[np.ndarray, " stretches"]) -> Float[np.ndarray, " 
     return ranks / max(float(np.sqrt((ranks**2).sum())), 1e-300)
 
 
+def sign_flip_bound(before: Losses, after: Losses, stretch: int = 1) -> float:
+    r"""Largest p-value that the sign-flip test of one model can have, where too few flips are drawn to tell.
+
+    :math:`P(\sum a_i ε_i ≥ s) ≤ e^{-s^2/2}` for random signs ε and :math:`\sum a_i^2 = 1` (Hoeffding,
+    J. Amer. Statist. Assoc. 58, 1963, theorem 2).
+    """
+    total = float(signed_ranks(_by_stretch(before, after, stretch)).sum())
+    return float(np.exp(-0.5 * max(total, 0.0) ** 2))
+
+
 EXACT = 13
 """Stretches up to which all flips are counted; of more, :data:`FLIPS` are drawn (with a fixed seed)."""
 FLIPS = 1 << EXACT

@@ -218,13 +218,11 @@ class ForwardSelection:
             return False
         model, ranking = self.before
         pairs = best_pairs(self.bench, model, self.names[: self.given], ranking, self.parts, self.meter)
-        if not pairs or not pairs[0].evidence.supports(len(self.found) + 1):
-            return False
-        pair = pairs[0]
-        if not explains(pair, len(self.found)):
+        pair = pairs.supported(len(self.found) + 1)
+        if pair is None or not explains(pair, len(self.found)):
             return False
         del self.found[self.given :]
-        ranking = dataclasses.replace(ranking, candidates=(*pairs, *ranking.candidates))
+        ranking = dataclasses.replace(pairs, candidates=(*pairs.candidates, *ranking.candidates))
         self.rounds.append(_round(ranking, pair))
         self._add(pair)
         return True

@@ -14,7 +14,15 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search
 from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.evidence import HALVED, Losses, blocks, compare, gain, typical_fall
+from jaxmuscle.diagnosis.evidence import (
+    HALVED,
+    Losses,
+    blocks,
+    compare,
+    gain,
+    sign_flip_bound,
+    typical_fall,
+)
 from jaxmuscle.diagnosis.folds import FOLDS, STEPS, Folds
 from jaxmuscle.diagnosis.likelihood_evidence import by_likelihood
 from jaxmuscle.diagnosis.ranking import (
@@ -58,8 +66,8 @@ def best_pairs(
     ranking: Ranking,
     problem: Problem,
     meter: Meter,
-) -> list[Candidate]:
-    """The pair that explains most where it is fitted, if both are needed, and those that are like it.
+) -> Ranking:
+    """The pair that explains most where it is fitted, if both are needed, and those like it; or none.
 
     Effects stand beside effects, and beside the constants of the card that do best: where a scale was misread
     and a guide rubs, neither shows alone. It also has to do better, by :data:`NEEDED`, than the best single
@@ -76,12 +84,12 @@ def best_pairs(
     sought = bench.sought(accepted, much_is_left=True)
     rest = sought if len(sought) <= len(CATALOGUE) + 1 else _best_alone(ranking, sought)
     if not any(effect not in leader.effects for leader in leaders for effect in rest):
-        return []
+        return _only(ranking, [], ranking.stretch)
     meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
     pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]
     hopeful = [pair for pair in pairs if pair[1].hopeful]
     if not hopeful:
-        return []
+        return _only(ranking, [], ranking.stretch)
     best = hopeful[best_of([fitted for _, fitted in hopeful])]
     alike = [pair for pair in hopeful if pair is not best and _same_but_for_a_constant(pair, best)]
     alike += _near(bench, model, [*alike, best], hopeful, best, problem)
@@ -89,10 +97,19 @@ def best_pairs(
     first, *others = (
         _judged(bench, model, accepted, ranking, problem, *pair, tried, meter) for pair in (best, *alike)
     )
-    if first is None:
-        return []
-    judged = [first, *(each for each in others if each is not None)]
-    return usual_first(judged, len(accepted) + 1, ranking.stretch)
+    judged = [] if first is None else [first, *(each for each in others if each is not None)]
+    block = blocks(len(problem.rows), problem.samples, int(problem.period))
+    stretch = correlation(bench, best[1].model, problem, block)
+    return _only(ranking, usual_first(judged, len(accepted) + 1, stretch), stretch)
+
+
+def _only(ranking: Ranking, pairs: Sequence[Candidate], stretch: int) -> Ranking:
+    """The ranking of pairs in the place of single effects.
+
+    `stretch`: blocks over which the residuals of the best pair go together. What a single effect leaves does
+    over longer ones, of which too few would tell it apart from the pair.
+    """
+    return dataclasses.replace(ranking, candidates=tuple(pairs), stretch=stretch)
 
 
 def _near(
@@ -126,6 +143,8 @@ def usual_first(pairs: Sequence[Candidate], found: int, stretch: int) -> list[Ca
     As good is one that is supported if the first one is, after so many effects `found`, and that this one is
     not told apart from.
     """
+    if not pairs:
+        return []
     best, *others = pairs
     as_good = [
         each
@@ -212,5 +231,7 @@ def _judged(
         pair = [(effects, found)]
         (told,) = by_likelihood(bench, model, accepted, problem, pair, [told], tried, before)
     else:
-        told = dataclasses.replace(told, p_value=min(tried * told.p_value, 1.0))
+        # The flips that are drawn tell no p-value so small that it could be multiplied by dozens of pairs.
+        p_value = min(told.p_value, sign_flip_bound(without, both, folds.stretch))
+        told = dataclasses.replace(told, p_value=min(tried * p_value, 1.0))
     return Candidate(effects, told, both, found.model, refitted[-1])

@@ -14,6 +14,7 @@ from jaxmuscle.diagnosis.evidence import (
     compare,
     correlated_blocks,
     gain,
+    sign_flip_bound,
     sign_flip_test,
     signed_ranks,
     telling_excess,
@@ -211,3 +212,15 @@ def test_readings_without_weight_are_no_part_of_what_is_missed():
     weights[0, :5] = 0.0
     found = telling_excess({"angle": np.full((1, 10), 3.0)}, {"angle": weights}, blocks(1, 10, 10))
     assert found == pytest.approx(5 * 8.0)
+
+
+def test_a_bound_on_the_p_value_goes_on_where_too_few_flips_are_drawn():
+    """No smaller than an exact p-value; the smallest that could be multiplied by dozens of pairs."""
+    few = np.log1p(20 * JITTER[:12])[None]
+    exact = one(few, few - 1.0).p_value
+    assert exact == 0.5**12 < sign_flip_bound(few, few - 1.0) < 0.05
+    many = losses(30 * JITTER)
+    assert one(many, losses(1.0)).p_value == 1 / FLIPS
+    assert sign_flip_bound(many, losses(1.0)) < 1e-20
+    assert sign_flip_bound(losses(1.0), many) == sign_flip_bound(many, many) == 1.0
+    assert sign_flip_bound(many, losses(1.0), stretch=40) > 1 / 16

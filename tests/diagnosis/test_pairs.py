@@ -32,7 +32,7 @@ def pair_in(effects):
     start = forward_selection(prepared, bench, meter)
     ranking = rank(bench, start.model, [], bench.sought([], True), start.parts, meter)
     found = best_pairs(bench, start.model, [], ranking, start.parts, meter)
-    return found[0] if found else None
+    return found.candidates[0] if found.candidates else None
 
 
 @pytest.mark.slow
