@@ -25,11 +25,9 @@ from jaxmuscle.diagnosis.candidates import (
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import blocks, gain, telling_excess
 from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.variable_projection import basis_of, outside_span, weighted_residuals
 from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench
-from jaxmuscle.estimation.residual_layout import ResidualLayout
-from jaxmuscle.estimation.residuals import evaluate
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.descents import BROKEN
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import parameters, replace
 from jaxmuscle.progress import Meter
@@ -182,7 +180,7 @@ def _best_start(
     noise: float,
 ) -> AbstractActuator:
     """`base` with the strength and shape of `effect` at which least is left that a linear step of the free
-    parameters does not take over (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+    parameters does not take over (variable projection).
 
     By the cost with these held, a force that decays within seconds looked worse than one that does so in ten
     minutes: for what it has lost on average, which a radius makes up for.
@@ -199,8 +197,9 @@ def _best_start(
         if path not in shape:
             found = _strengths(residual, slopes, nonnegative, noise)
             trials = [replace(shaped, of_strength(effect, strength, shaped)) for strength in found]
-        basis, far = np.linalg.qr(slopes[:-1].T)[0], residual[len(residual) - len(paths) :]
-        tries += [(_squares_beyond(basis, trial, problem, far), trial) for trial in trials]
+        basis, far = basis_of(slopes[:-1]), residual[len(residual) - len(paths) :]
+        rests = [outside_span(basis, weighted_residuals(trial, problem, far)) for trial in trials]
+        tries += [(float(rest @ rest), trial) for rest, trial in zip(rests, trials, strict=True)]
     return min(tries, key=lambda pair: pair[0], default=(0.0, base))[1]
 
 
@@ -214,16 +213,3 @@ def _strengths(
     """
     linear, _ = linear_strength(residual, slopes[:-1], slopes[-1])
     return [abs(linear) if nonnegative else linear, *strengths(slopes[-1], residual, nonnegative, noise)]
-
-
-def _squares_beyond(
-    basis: Float[np.ndarray, "n k"],
-    model: AbstractActuator,
-    problem: Problem,
-    far: Float[np.ndarray, " k"],
-) -> float:
-    """Sum of squares of a model's residuals and distances `far` from priors, outside the span of a basis."""
-    values = ResidualLayout.of(model, problem).join(evaluate(model, problem))
-    whole = np.concatenate([np.where(np.isfinite(values), values, BROKEN), far])
-    rest = whole - basis @ (basis.T @ whole)
-    return float(rest @ rest)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.card_constants import CardConstant, constant_path
+from jaxmuscle.diagnosis.variable_projection import basis_of, outside_span
 from jaxmuscle.effects.base import (
     AbstractEffect,
     AbstractMemoryEffect,
@@ -89,9 +90,8 @@ def linear_strength(
     The sensitivities of the parameters that are free anyway are projected off both, so that the gain is
     what no refit of the present model could achieve. Returns (strength, relative fall of the cost).
     """
-    basis, _ = np.linalg.qr(free.T)
-    rest = residual - basis @ (basis.T @ residual)
-    own = direction - basis @ (basis.T @ direction)
+    basis = basis_of(free)
+    rest, own = outside_span(basis, residual), outside_span(basis, direction)
     norm = own @ own
     if norm <= 1e-12 * max(direction @ direction, 1e-300):
         return 0.0, 0.0

@@ -5,7 +5,7 @@ what of r lies in the span of their derivatives F. So it leaves about
 
 .. math:: \min_{s, shape} \tfrac12 |(I - Q Q^T)\,r(s, shape)|^2,\quad F = Q R
 
-(variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973, to first order). From the minimum the
+(:mod:`~jaxmuscle.diagnosis.variable_projection`). From the minimum the
 free parameters take a few steps with the same F (the chord method), which gives a cost that is reached. All
 that takes residuals alone, not the derivatives of a model with the effect: to compile those takes longer than
 all of it.
@@ -25,13 +25,11 @@ from jaxmuscle.diagnosis.candidates import shapes, strength_path, strengths
 from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.variable_projection import basis_of, outside_span, weighted_residuals
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.free_parameters import Unknowns, moved_machine
-from jaxmuscle.estimation.residual_layout import ResidualLayout
-from jaxmuscle.estimation.residuals import evaluate
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.optimization.descents import BROKEN
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import get, parameters, replace
 
@@ -115,21 +113,16 @@ class _FreeParameters:
         slopes = by_value * unknowns.slopes(unknowns.coordinates(unknowns.start))[:, None]
         readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
         noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
-        return cls(model, weighed, noise, paths, unknowns, slopes, np.linalg.qr(slopes.T)[0])
+        return cls(model, weighed, noise, paths, unknowns, slopes, basis_of(slopes))
 
     def residuals(self, model: AbstractActuator) -> Vector:
         """Weighted residuals, and the distances of the model's parameters from the priors."""
-        values = ResidualLayout.of(model, self.problem).join(evaluate(model, self.problem))
         far = self.unknowns.prior_residuals(self._coordinates(model))
-        return np.concatenate([np.where(np.isfinite(values), values, BROKEN), far])
+        return weighted_residuals(model, self.problem, far)
 
     def rest(self, model: AbstractActuator) -> Vector:
         """Residuals that the free parameters cannot take over."""
-        return self.without_span(self.residuals(model))
-
-    def without_span(self, vector: Vector) -> Vector:
-        """What of a vector the free parameters do not span."""
-        return vector - self.basis @ (self.basis.T @ vector)
+        return outside_span(self.basis, self.residuals(model))
 
     def moved(self, model: AbstractActuator) -> AbstractActuator:
         """`model` where its cost is least along a few steps of the free parameters."""
@@ -160,7 +153,7 @@ def _trials(
         at = lambda strength, shaped=shaped: replace(shaped, {path: strength})  # noqa: E731
         none, nonnegative = free.residuals(shaped), parameters(model)[path].nonnegative
         slope = _slope(lambda strength, at=at: free.residuals(at(strength)), none, free.noise)
-        linear = _projected(free.without_span(none), free.without_span(slope))
+        linear = _projected(outside_span(free.basis, none), outside_span(free.basis, slope))
         several = strengths(slope, none, nonnegative, free.noise)
         for strength in [abs(linear) if nonnegative else linear, *several]:
             yield at(strength)

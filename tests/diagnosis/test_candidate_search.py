@@ -1,7 +1,7 @@
 """How much a candidate has to explain to be carried on, and from where each is searched."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +15,6 @@ from jaxmuscle.diagnosis.candidate_search import (
     PLENTY,
     _needed,
     _removes_plenty,
-    _squares_beyond,
     search_all,
 )
 from jaxmuscle.progress import Meter
@@ -100,15 +99,3 @@ def test_of_one_that_agrees_with_the_card_only_the_best_are(monkeypatch):
     names, costs = searched_from_card(monkeypatch, BENT - 0.1)
     assert names == ["delay", "leak"] and len(names) == AGAIN
     assert costs == [7.0, 2.5, 4.5, 1.0]
-
-
-def test_a_start_is_judged_by_what_the_free_parameters_cannot_take_over(monkeypatch):
-    """A constant of 10 that a free one takes over is better than a wave of 1 that it cannot."""
-    basis = np.linalg.qr(np.append(np.ones(50), 0.1)[:, None])[0]
-    values = {"shifted": np.full(50, 10.0), "wave": np.sin(np.arange(50.0))}
-    monkeypatch.setattr(candidate_search, "evaluate", lambda model, problem: values[model])
-    layout = SimpleNamespace(of=lambda model, problem: SimpleNamespace(join=lambda found: found))
-    monkeypatch.setattr(candidate_search, "ResidualLayout", layout)
-    problem: Any = None
-    shifted, wave = (_squares_beyond(basis, cast(Any, each), problem, np.zeros(1)) for each in values)
-    assert shifted < 3.0 < wave < 26.0
