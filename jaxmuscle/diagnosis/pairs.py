@@ -34,6 +34,7 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
     told_apart,
 )
+from jaxmuscle.diagnosis.screening import parts_removed
 from jaxmuscle.diagnosis.settled_fit import SettledFit, best_of
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects import CATALOGUE
@@ -45,8 +46,9 @@ from jaxmuscle.progress import Meter
 LEADERS = 2
 """Single candidates, the best ones, that every other one is tried beside."""
 BESIDE = 8
-"""Candidates of a last pass, those that did best alone, that are tried beside a leader; of the usual ones all
-are. With all the forty of a last pass that took half an hour on a joint."""
+"""Candidates of a last pass that are tried beside a leader: those that a screening says may remove most of
+what it leaves; of the usual ones all are. With all the forty of a last pass that took half an hour on a
+joint. Those that do best alone are others: a load against a stop, with a thick bladder, 27 noise units."""
 NEEDED = 0.2
 """Part of the excess error that a pair has to remove, on unseen windows, of what a single effect leaves:
 either of its own, or the best one; or it halves the error."""
@@ -82,11 +84,10 @@ def best_pairs(
     leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
     leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
     sought = bench.sought(accepted, much_is_left=True)
-    rest = sought if len(sought) <= len(CATALOGUE) + 1 else _best_alone(ranking, sought)
-    if not any(effect not in leader.effects for leader in leaders for effect in rest):
+    if not any(effect not in leader.effects for leader in leaders for effect in sought):
         return _only(ranking, [], ranking.stretch)
-    meter.expect(len(leaders) * round_work(rest, 0) + 4 * JUDGEMENT * FOLDS)
-    pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, rest, problem, meter)]
+    meter.expect(4 * JUDGEMENT * FOLDS)
+    pairs = [pair for leader in leaders for pair in _beside(bench, accepted, leader, sought, problem, meter)]
     hopeful = [pair for pair in pairs if pair[1].hopeful]
     if not hopeful:
         return _only(ranking, [], ranking.stretch)
@@ -156,14 +157,6 @@ def usual_first(pairs: Sequence[Candidate], found: int, stretch: int) -> list[Ca
     return [first, *(each for each in pairs if each is not first)]
 
 
-def _best_alone(ranking: Ranking, sought: Sequence[type[AbstractEffect]]) -> list[type[AbstractEffect]]:
-    """The effects that do best alone."""
-    effects = [effect for each in ranking.candidates for effect in each.effects]
-    return [effect for effect in effects if not isinstance(effect, CardConstant) and effect in sought][
-        :BESIDE
-    ]
-
-
 def _has_constant(effects: Sequence[Sought]) -> bool:
     return any(isinstance(effect, CardConstant) for effect in effects)
 
@@ -183,15 +176,21 @@ def _beside(
     bench: Workbench,
     accepted: Sequence[str],
     leader: Candidate,
-    rest: Sequence[type[AbstractEffect]],
+    sought: Sequence[type[AbstractEffect]],
     problem: Problem,
     meter: Meter,
 ) -> list[Pair]:
-    """Every other candidate beside `leader`, fitted to everything."""
+    """Other candidates beside `leader`, fitted to everything: each, or if they are many those of promise."""
     names = [*accepted, leader.name]
     present = bench.settled(leader.model, names, problem, STEPS)
     bases = present.model, bench.with_card_values(present.model)
-    others = [effect for effect in rest if effect not in leader.effects]
+    others = [effect for effect in sought if effect not in leader.effects]
+    if len(others) > len(CATALOGUE):
+        parts = parts_removed(bench, names, others, problem, present)
+        others = [
+            effect for _, effect in sorted(zip(parts, others, strict=True), key=lambda e: -e[0])[:BESIDE]
+        ]
+    meter.expect(round_work(others, 0))
     found = on_all_cores(
         lambda effect: search(bench, bases, names, effect, problem, present, meter),
         others,

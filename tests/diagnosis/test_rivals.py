@@ -12,7 +12,6 @@ from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.forward_selection import ForwardSelection, forward_selection
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
-from jaxmuscle.diagnosis.rivals import _projected, _slope
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import BladderStiffness, ForceDrift, ThreadFriction, reading_effect
 from jaxmuscle.estimation.case import case
@@ -99,13 +98,3 @@ def test_what_refines_a_friction_is_tried_against_an_effect_that_is_found_after_
     friction = [candidate(SimpleNamespace(name="thread_friction"), LOSSES)]
     assert after_rivals(monkeypatch, LOSSES, LOSSES - 0.5, before=friction, explains=False) == [RARER, FIRST]
     assert after_rivals(monkeypatch, LOSSES, LOSSES, before=friction) == [FIRST, RARER]
-
-
-@pytest.mark.parametrize("size", [1e3, 1.0, 1e-7])
-def test_the_slope_over_a_strength_is_found_whatever_its_size(size):
-    direction = np.linspace(0.5, 1.0, 20)
-    none = np.cos(np.arange(20.0))
-    slope = _slope(lambda strength: none + np.tanh(strength / size) * direction, none, 1.0)
-    np.testing.assert_allclose(slope, direction / size, rtol=5e-3)
-    assert _projected(none, direction) == pytest.approx(-(direction @ none) / (direction @ direction))
-    assert _projected(none, 0 * direction) == 0.0
