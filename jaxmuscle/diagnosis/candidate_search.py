@@ -6,7 +6,6 @@ Work is counted in seconds of the sample `lift` on two cores, from nothing compi
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -134,8 +133,7 @@ def _search(
 ) -> SettledFit:
     names = [*accepted, effect.name]
     fits = []
-    readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
-    noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
+    noise = present.noise_in_residuals(problem)
     needed = _needed(bench, present, problem)
     goal = Goal(present.cost - needed, NEAR * needed, PATIENCE)
 

@@ -13,7 +13,6 @@ derivatives of a model with the effect: to compile those takes longer than all o
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -97,8 +96,7 @@ class _FreeParameters:
         unknowns = bench.unknowns(model, paths, accepted)
         _, by_value = bench.jacobian(model, weighed, paths, accepted)
         slopes = by_value * unknowns.slopes(unknowns.coordinates(unknowns.start))[:, None]
-        readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
-        noise = math.sqrt(present.noise_squares(problem) / max(readings, 1))
+        noise = present.noise_in_residuals(problem)
         return cls(model, weighed, noise, paths, unknowns, slopes, basis_of(slopes))
 
     def residuals(self, model: AbstractActuator) -> Vector:

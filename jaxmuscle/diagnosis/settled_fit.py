@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -62,9 +63,10 @@ class SettledFit:
         """What the weights are multiplied by, as what it leaves is uncertainty."""
         return weight_factors(self.left)
 
-    def noise_squares(self, problem: Problem) -> float:
-        """Sum of squares that the sensors' noise leaves by these weights."""
-        return noise_squares(self.factors, problem)
+    def noise_in_residuals(self, problem: Problem) -> float:
+        """Root mean square residual that the sensors' noise leaves by these weights."""
+        readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
+        return math.sqrt(noise_squares(self.factors, problem) / max(readings, 1))
 
 
 def best_of(fits: Sequence[SettledFit]) -> int:

@@ -13,6 +13,7 @@ from jaxmuscle.diagnosis.evidence import TELLING
 from jaxmuscle.estimation.fit import FitResult
 from jaxmuscle.estimation.free_parameters import Prior
 from jaxmuscle.formatting import quantity
+from jaxmuscle.parameter_names import effect_path, of_effect
 
 MISSING = 2.0
 """Root mean square of what may be missing in a reading, in units of its noise, up to which nothing is said
@@ -97,6 +98,16 @@ def doubted(
             value, limit = quantity(strength.value, strength.unit), quantity(most, strength.unit)
             reasons[effect.name] = f"its strength, {value}, is beyond what real machines have, {limit}"
     return reasons
+
+
+def strength_stds(final: FitResult, effect: str, strengths: Sequence[str]) -> dict[str, float]:
+    """Path of each strength of an effect → its standard deviation with the effect's shapes held.
+
+    Empty for what has no parameters of its own, as a constant of the card.
+    """
+    own = {name: effect_path(effect, name) for name in of_effect(effect, final.parameters)}
+    shapes = [path for name, path in own.items() if name not in strengths]
+    return {own[name]: final.std_given(own[name], shapes) for name in strengths if name in own}
 
 
 def differs_from_none(strength: Estimate) -> bool:

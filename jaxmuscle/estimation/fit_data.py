@@ -100,6 +100,23 @@ class FitData:
         with np.errstate(invalid="ignore"):  # an infinite one has no covariance with others
             return self.correlations * std[:, None] * std[None, :]
 
+    def std_given(self, name: str, held: Sequence[str]) -> float:
+        r"""Standard deviation of a parameter were others known to have the values that were fitted (SI).
+
+        :math:`σ \sqrt{1 - r^T R^{-1} r}`, r: its correlations with those that are held, R: theirs
+        (Anderson, An Introduction to Multivariate Statistical Analysis, 2003, section 2.5.1). What has no
+        correlation, as it is at a bound, counts as held anyway.
+        """
+        std, table = self.std[name], self.correlations
+        others = [other for other in held if other in table.index and other != name]
+        if name not in table.index or not others:
+            return std
+        between = table.loc[[name, *others], [name, *others]].to_numpy(dtype=float)
+        known = np.flatnonzero(np.isfinite(between[0]))[1:]
+        r, of_others = between[0, known], between[np.ix_(known, known)]
+        explained = float(r @ np.linalg.pinv(of_others, hermitian=True) @ r)
+        return std * float(np.sqrt(max(1.0 - explained, 0.0)))
+
     @property
     def converged(self) -> bool:
         """Whether a minimum was reached."""

@@ -6,8 +6,10 @@ from jaxmuscle import formatting
 from jaxmuscle.diagnosis.diagnosis_data import FoundEffect
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.diagnosis.verdict import MISSING
+from jaxmuscle.diagnosis.verdict import MISSING, differs_from_none, strength_stds
+from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.formatting import capital, parameter_words, words
+from jaxmuscle.parameter_names import effect_path
 
 UNDETERMINED = 1.0
 """Standard deviation relative to the value above which a parameter counts as not determined."""
@@ -40,7 +42,10 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         f"singly from those beside them, or lie beyond the stops of the model."
         for column, count in diagnosis.unused.items()
     ]
-    of_effects = ((*_undetermined(diagnosis, effect), *_at_bounds(effect)) for effect in diagnosis.added)
+    of_effects = (
+        (*_together(diagnosis, effect), *_undetermined(diagnosis, effect), *_at_bounds(effect))
+        for effect in diagnosis.added
+    )
     return found + [told for each in of_effects for told in each]
 
 
@@ -58,6 +63,22 @@ def _few_stretches(diagnosis: Diagnosis) -> list[str]:
                 f"recording with more movement would tell."
             )
     return found
+
+
+def _together(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
+    """Strengths of an effect that the data determine together with its shapes, not by themselves."""
+    if effect.is_constant or diagnosis.fit is None:
+        return []
+    strengths = strengths_of(type(diagnosis.model.effects[effect.name]))
+    held = strength_stds(diagnosis.fit, effect.name, strengths)
+    return [
+        f"The {words(name)} of {words(effect.name)} is not determined by itself "
+        f"({formatting.estimate(e.value, e.std, e.unit)}), only together with its other parameters: were "
+        f"these known, it would be to {formatting.quantity(std, e.unit)}."
+        for name, e in effect.parameters.items()
+        if name in strengths and (std := held.get(effect_path(effect.name, name), e.std)) < e.std
+        if not differs_from_none(e)
+    ]
 
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:

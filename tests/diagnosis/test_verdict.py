@@ -14,6 +14,7 @@ from jaxmuscle.diagnosis.verdict import (
     doubted,
     missing_in_noise,
     share_left,
+    strength_stds,
     surprise,
     verdict,
     violated_priors,
@@ -88,6 +89,19 @@ def test_an_effect_within_two_standard_deviations_of_none_is_doubted(
 ) -> None:
     reasons = doubted([friction(value, std)], {"load_friction": ("force",)}, {})
     assert bool(reasons) is not sure
+
+
+def test_a_strength_is_judged_with_the_shapes_of_its_own_effect_held() -> None:
+    """Size and time constant of a decay whose end is not seen are known together only."""
+    paths = ["force_drift.share", "force_drift.time_constant", "creep.slow_time", "load_friction.force"]
+    own = fit(**{f"effects.{path}": (1.0, f"effects.{path}") for path in paths})
+    own.parameters["mass"] = SimpleNamespace(value=1.0, path="mass")
+    held: dict[str, list[str]] = {}
+    own.std_given = lambda name, others: held.update({name: list(others)}) or 0.1
+    assert strength_stds(own, "force_drift", ("share",)) == {"effects.force_drift.share": 0.1}
+    assert held == {"effects.force_drift.share": ["effects.force_drift.time_constant"]}
+    assert strength_stds(own, "load_friction", ("force", "other")) == {"effects.load_friction.force": 0.1}
+    assert strength_stds(own, "constant:mass", ("mass",)) == {}
 
 
 def test_an_effect_that_ends_at_none_is_doubted_though_its_std_is_zero() -> None:

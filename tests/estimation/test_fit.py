@@ -1,5 +1,7 @@
 """Fits of recordings whose truth is known: recovery, coverage, offsets, bounds, several at once."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from estimation.made import LIFT_TRUE, TRUE, changed, fitted, lifted, pulled, within
@@ -213,6 +215,27 @@ def test_correlations_and_covariance(result):
     covariance = result.covariance
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), list(result.std.values()), rtol=1e-12)
     assert np.linalg.eigvalsh(table.to_numpy()).min() > 0
+
+
+def test_std_with_others_held_is_that_of_the_inverse_covariance(result):
+    names = list(result.covariance.index)
+    precision = np.linalg.inv(result.covariance.to_numpy())
+    for i, name in enumerate(names):
+        assert result.std_given(name, names) == pytest.approx(precision[i, i] ** -0.5, rel=1e-6)
+        assert result.std_given(name, []) == result.std_given(name, [name, "none"]) == result.std[name]
+    first, second = names[:2]
+    r = result.correlations.loc[first, second]
+    assert result.std_given(first, [second]) == pytest.approx(result.std[first] * (1 - r**2) ** 0.5, rel=1e-6)
+
+
+def test_what_is_at_a_bound_counts_as_held(result):
+    first, second, *_ = names = list(result.correlations.index)
+    table = result.correlations.copy()
+    table.loc[second, :] = table.loc[:, second] = np.nan
+    bound = dataclasses.replace(result, correlations=table)
+    others = [name for name in names if name != second]
+    assert bound.std_given(first, names) == result.std_given(first, others)
+    assert bound.std_given(second, names) == result.std[second]
 
 
 def test_residuals_of_the_true_model_are_white_and_independent(result):

@@ -4,6 +4,8 @@ import base64
 import dataclasses
 import html
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +13,9 @@ import pytest
 from report.fake import diagnosis
 
 from jaxmuscle.decimation import extremes
+from jaxmuscle.diagnosis.diagnosis_data import Estimate
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
+from jaxmuscle.effects import ForceDrift
 from jaxmuscle.formatting import capital, words
 from jaxmuscle.html_template import template
 from jaxmuscle.report import tables
@@ -159,6 +163,24 @@ def test_few_stretches_are_told() -> None:
     told = doubts(dataclasses.replace(found, rounds=searches))
     assert any("Only 4 stretches" in each and "below 0.06" in each for each in told)
     assert not any("stretches" in each for each in doubts(found))
+
+
+def test_a_strength_that_is_known_together_with_its_shape_only_is_told() -> None:
+    """Of a decay whose end is not seen."""
+    found = diagnosis("effects found")
+    own = {"share": Estimate(0.049, 0.027, "", ""), "time_constant": Estimate(24.7, 20.0, "s", "")}
+    effect = dataclasses.replace(found.effects[0], name="force_drift", parameters=own)
+    model = found.model.with_effects(force_drift=ForceDrift())
+    paths = {f"effects.force_drift.{name}": e for name, e in own.items()}
+    fit: Any = SimpleNamespace(parameters=paths, std_given=lambda name, held: 0.0034 if held else 0.027)
+    drift = dataclasses.replace(found, effects=(effect,), model=model, fit=fit)
+    (told,) = [each for each in doubts(drift) if "together" in each]
+    assert told == (
+        "The share of force drift is not determined by itself (0.05 ± 0.03), only together with its other "
+        "parameters: were these known, it would be to 0.0034."
+    )
+    sure = dataclasses.replace(effect, parameters=own | {"share": Estimate(0.049, 0.007, "", "")})
+    assert not any("together" in each for each in doubts(dataclasses.replace(drift, effects=(sure,))))
 
 
 def test_symbols_have_subscripts() -> None:
