@@ -24,6 +24,7 @@ from blind_ranges import label
 from blind_recordings import RANGES, Blind, drawn
 
 import jaxmuscle as jm
+from jaxmuscle.effects import CATALOGUE, EXTENSION
 from jaxmuscle.errors import InputError
 from jaxmuscle.formatting import aligned
 
@@ -32,6 +33,13 @@ CLEAN_SHARE, PAIR_SHARE, COLOURED_SHARE = 0.4, 0.15, 0.25
 SEEN = 5.0
 """Change of a reading that no uncertain parameter of the card, and none of another effect that is there, can
 take over, root mean square in units of its noise, from which an effect has to be found."""
+SOUGHT = {effect.name for effect in (*CATALOGUE, *EXTENSION)} | {
+    "presliding",
+    "sensor_gain",
+    "sensor_offset",
+    "sensor_drift",
+}
+"""Effects that a diagnosis seeks; errors of sensors by what they are drawn as."""
 INTERVAL = 1.96
 WORSE = 1.05
 """Held-out error after over before from which a diagnosis has done harm."""
@@ -131,8 +139,10 @@ def figures(rows: Sequence[Row]) -> list[Row]:
     """The figures that are to be reached, each as a count of how many; none of what was not drawn."""
     told = [row for row in rows if "found" in row]
     clean = [row for row in told if not row["truth"]]
-    clear = [row for row in told if row["truth"] and row["left"] >= SEEN]
-    one = [row for row in told if row["truth"] and row["most"] >= SEEN]
+    within = [row for row in told if row["truth"] and not outside(row)]
+    clear = [row for row in within if row["left"] >= SEEN]
+    one = [row for row in within if row["most"] >= SEEN]
+    strange = [row for row in told if outside(row) and len(row["truth"]) == 1 and row["left"] >= SEEN]
     covered = [inside for row in told for inside in coverage(row)]
     effects = [row for row in told if row["verdict"] == "effects found"]
 
@@ -145,6 +155,7 @@ def figures(rows: Sequence[Row]) -> list[Row]:
     every = [
         figure("first effect right, where one can be seen", 0.95, one, lambda r: first(r) in there(r)),
         figure("exactly the true effects, where all can be seen", 0.85, clear, exact),
+        figure("nothing named in place of what is not sought", 0.95, strange, lambda r: not superfluous(r)),
         figure("nothing found where nothing is missing", 0.99, clean, lambda r: not superfluous(r)),
         figure("nothing added that is not there", 0.99, told, lambda r: not superfluous(r)),
         figure("95 % intervals of effects that hold the truth", 0.90, covered, bool),
@@ -155,8 +166,14 @@ def figures(rows: Sequence[Row]) -> list[Row]:
 
 
 def first(row: Row) -> str | None:
-    """The effect that was added first."""
-    return next(iter(row["found"]), None)
+    """The effect that was added first, but for the bristles of a rough bench, which are there."""
+    real = _bristles(row) - set(row["truth"])
+    return next((name for name in row["found"] if name not in real), None)
+
+
+def _bristles(row: Row) -> set[str]:
+    """Name of what is on a rough bench, though not to be found at any size."""
+    return {"presliding"} if row.get("bristles") else set()
 
 
 def there(row: Row) -> list[str]:
@@ -164,9 +181,16 @@ def there(row: Row) -> list[str]:
     return [label(name, parameters) for name, parameters in row["truth"].items()]
 
 
+def outside(row: Row) -> set[str]:
+    """True effects that a diagnosis does not seek, unless they are asked for by name: it has to admit that
+    something is missing, as for any cause that is outside the catalogue.
+    """
+    return set(row["truth"]) - SOUGHT
+
+
 def superfluous(row: Row) -> set[str]:
-    """What was found and is not there; bristles are on a rough bench, though not to be found at any size."""
-    return set(row["found"]) - set(there(row)) - ({"presliding"} if row.get("bristles") else set())
+    """What was found and is not there."""
+    return set(row["found"]) - set(there(row)) - _bristles(row)
 
 
 def exact(row: Row) -> bool:

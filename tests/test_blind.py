@@ -192,6 +192,17 @@ def test_figures():
     assert list(blind.coverage(undetermined)) == []
 
 
+def test_what_is_not_sought_has_to_be_admitted():
+    """Its name cannot be found; another one must not be."""
+    admitted, misnamed = row(["stribeck"], []), row(["stribeck"], ["load_damping"])
+    beside = row(["stribeck", "creep"], [])
+    figures = {f["figure"]: (f["count"], f["of"]) for f in blind.figures([admitted, misnamed, beside])}
+    assert figures["nothing named in place of what is not sought"] == (1, 2)
+    assert not any("right" in name or "exactly" in name for name in figures)
+    assert blind.outside(beside) == {"stribeck"}
+    assert blind.outside(row(["sensor_offset", "presliding", "force_drift", "creep"], [])) == set()
+
+
 def test_errors_of_sensors_go_by_the_column_and_bristles_are_on_a_rough_bench():
     off = {"sensor_offset": {"column": "pressure", "offset": 1.0}}
     right = row([], ["sensor_offset_pressure"]) | {"truth": off}
@@ -207,7 +218,10 @@ def test_errors_of_sensors_go_by_the_column_and_bristles_are_on_a_rough_bench():
     )
     rough, sharp = (row([], ["presliding"], bristles=b) for b in (1e-5, 0.0))
     assert not blind.superfluous(rough) and blind.superfluous(sharp)
-    assert blind.exact(row(["creep"], ["creep", "presliding"], bristles=1e-5))
+    both = row(["creep"], ["presliding", "creep"], bristles=1e-5)
+    assert blind.exact(both) and blind.first(both) == "creep"
+    assert blind.first(row(["creep"], ["presliding", "creep"])) == "presliding"
+    assert blind.first(row(["presliding"], ["presliding"], bristles=1e-5)) == "presliding"
 
 
 def test_shares_of_what_is_drawn():

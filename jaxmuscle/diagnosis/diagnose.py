@@ -96,9 +96,10 @@ def diagnose(
             (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
             something too, those of
             :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are tried with
-            them. Each counts if it leaves less. The first effect that is found is tried against these rarer
-            ones (:mod:`~jaxmuscle.diagnosis.rivals`): it stays unless one predicts unseen windows
-            significantly better, and those that do as well cannot be told apart from it.
+            them, and these once more on whole windows (the other searches predict a quarter of one in a go,
+            in which little drifts). Each counts if it leaves less. The first effect that is found is tried
+            against these rarer ones (:mod:`~jaxmuscle.diagnosis.rivals`): it stays unless one predicts unseen
+            windows significantly better, and those that do as well cannot be told apart from it.
             Constants are tried beside the usual effects where these leave something, or bend a value by more
             than three standard deviations of the card; with a `catalogue` of your own, beside it.
         further: effects, such as your own, that are sought beside those of the catalogue from the start.
@@ -158,7 +159,7 @@ def _in_passes(
     """A diagnosis among the usual effects; where these leave something, from then on with inputs of links as
     predicted: among the same effects; with dry friction that builds up over a distance before any of them,
     where there is such friction; with constants of the card beside them, also where a value ran from the card
-    instead; and then among all.
+    instead; then among all; and among all on whole windows, where what drifts has time to show.
 
     What is left on the training data decides, everywhere: held-out data have no say.
     """
@@ -181,9 +182,11 @@ def _in_passes(
         fallible = seek((*usual, *own), first, constants=True)
         if fallible and (_better(fallible, best) or _agrees_with_card(fallible, best)):
             best = fallible
-    if _leaves_something(best):
-        every = seek((*usual, *EXTENSION, *own, *reading_effects(type(best.declared))), first)
-        best = every if every and _better(every, best) else best
+    for whole in (False, True):
+        if _leaves_something(best):
+            every = (*usual, *EXTENSION, *own, *reading_effects(type(best.declared)))
+            further = seek(every, first, whole=whole)
+            best = further if further and _better(further, best) else best
     return dataclasses.replace(best, seconds=time.perf_counter() - begin)
 
 
@@ -251,6 +254,7 @@ def _diagnosed(
     refinements: Sequence[type[AbstractEffect]] = (),
     rivals: Sequence[type[AbstractEffect]] = (),
     predicting: bool = False,
+    whole: bool = False,
     if_found: bool = False,
     meter: Meter,
     checkpoint: Checkpoint,
@@ -262,6 +266,7 @@ def _diagnosed(
         refinements: effects that are tried once a dry friction was found.
         rivals: effects that are tried against the first one that was found.
         predicting: whether links have inputs as models predict them, where they may.
+        whole: whether it searches whole windows, not parts of them.
         if_found: whether it ends with `None` where nothing was found: what is left then needs no last fit.
     """
     begin = time.perf_counter()
@@ -281,7 +286,7 @@ def _diagnosed(
     selection = forward_selection(ready.case, bench, meter, first)
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):
-        selection.seek()
+        selection.seek(whole)
     if if_found and not selection.found:
         meter.skip_to(0.0, "nothing more was found")
         return None

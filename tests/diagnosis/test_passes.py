@@ -12,7 +12,7 @@ import pytest
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.diagnose import LESS, _in_passes, _leaves_something, _predicts_inputs
 from jaxmuscle.diagnosis.verdict import MISSING
-from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding, ThreadFriction
+from jaxmuscle.effects import CATALOGUE, EXTENSION, Creep, ForceDrift, LoadDamping, Presliding, ThreadFriction
 from jaxmuscle.estimation.predicted_inputs import TRUSTED
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -49,15 +49,19 @@ class Outcome:
         return tuple(Added(name) for name in self.names)
 
 
-def passes(*outcomes, constants=False, predicted=None):
+def passes(*outcomes, constants=False, predicted=None, on_whole_windows=None):
     """The outcome, and with what each pass was asked to choose from.
 
-    `predicted`: outcome of the usual effects with inputs of links as predicted; nothing found if `None`.
+    `predicted`, `on_whole_windows`: outcome of the usual effects with inputs of links as predicted, and of
+    all on whole windows; nothing found if `None`.
     """
     asked, left, first_asked = [], list(outcomes), []
 
-    def seek(catalogue, first=None, constants=False, predicting=False, if_found=False):
+    def seek(catalogue, first=None, constants=False, predicting=False, if_found=False, whole=False):
         assert if_found == bool(first_asked)
+        if whole:
+            assert predicting and asked[-1] == (catalogue if first is None else (first, catalogue))
+            return on_whole_windows
         first_asked.append(catalogue)
         if predicting and first is None and not constants and catalogue == first_asked[0]:
             return predicted
@@ -137,6 +141,17 @@ def test_all_are_tried_where_something_is_left():
     assert asked == [CATALOGUE, (*CATALOGUE, *EXTENSION, "sensor_offset")]
 
 
+def test_all_are_tried_on_whole_windows_where_these_leave_something():
+    """What drifts has no time to in a quarter of one."""
+    drift = Outcome(0.2, ("force_drift",))
+    found, asked = passes(Outcome(9.0), Outcome(9.0), on_whole_windows=drift)
+    assert found.added == ("force_drift",) and len(asked) == 2
+    found, _ = passes(Outcome(9.0), Outcome(5.0, ("creep",)), on_whole_windows=Outcome(4.9, ("force_drift",)))
+    assert found.added == ("creep",)  # 4.9 is not below 0.8 of 5
+    found, _ = passes(Outcome(9.0), Outcome(1.0, ("creep",)), on_whole_windows=drift)
+    assert found.added == ("creep",)
+
+
 @pytest.mark.parametrize("second", [Outcome(9.0 * LESS + 0.1, ("backlash",)), Outcome(0.1)])
 def test_more_effects_that_leave_as_much_do_not_count(second):
     found, _ = passes(Outcome(9.0, ("command_delay",)), second)
@@ -200,6 +215,23 @@ def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
         assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
     assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
     assert not found.violated_priors
+
+
+@pytest.mark.slow
+def test_a_drift_of_a_joint_is_found_on_whole_windows(monkeypatch):
+    """In quarters of them it has no time to show."""
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "CATALOGUE", (Creep, LoadDamping))
+    monkeypatch.setattr(module, "EXTENSION", (ForceDrift,))
+    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
+    blind = drawn(90005, "joint", 1, False, ["force_drift"])
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["force_drift"]
+    true, (drift,) = blind.truth["force_drift"], found.effects
+    ratio = drift.parameters["share"].value / drift.parameters["time_constant"].value
+    assert ratio == pytest.approx(true["share"] / true["time_constant"], rel=0.2)
+    assert found.before["held_out"]["angle"].in_noise > 5
+    assert found.after["held_out"]["angle"].in_noise < 2
 
 
 def test_constants_are_tried_where_the_usual_effects_leave_something():
