@@ -182,11 +182,11 @@ def _in_passes(
         fallible = seek((*usual, *own), first, constants=True)
         if fallible and (_better(fallible, best) or _agrees_with_card(fallible, best)):
             best = fallible
+    every = (*usual, *EXTENSION, *own, *reading_effects(type(best.declared)))
     for whole in (False, True):
         if _leaves_something(best):
-            every = (*usual, *EXTENSION, *own, *reading_effects(type(best.declared)))
-            further = seek(every, first, whole=whole)
-            best = further if further and _better(further, best) else best
+            last = seek(every, first, whole=whole)
+            best = last if last and _better(last, best) else best
     return dataclasses.replace(best, seconds=time.perf_counter() - begin)
 
 
