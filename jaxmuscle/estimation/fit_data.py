@@ -113,7 +113,7 @@ class FitData:
             return std
         between = table.loc[[name, *others], [name, *others]].to_numpy(dtype=float)
         known = np.flatnonzero(np.isfinite(between[0]))[1:]
-        r, of_others = between[0, known], between[np.ix_(known, known)]
+        r, of_others = between[0, known], between[known][:, known]
         explained = float(r @ np.linalg.pinv(of_others, hermitian=True) @ r)
         return std * float(np.sqrt(max(1.0 - explained, 0.0)))
 
