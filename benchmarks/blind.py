@@ -24,7 +24,8 @@ from blind_ranges import label
 from blind_recordings import RANGES, Blind, drawn
 
 import jaxmuscle as jm
-from jaxmuscle.effects import CATALOGUE, EXTENSION
+from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding
+from jaxmuscle.effects.readings import KINDS
 from jaxmuscle.errors import InputError
 from jaxmuscle.formatting import aligned
 
@@ -33,12 +34,7 @@ CLEAN_SHARE, PAIR_SHARE, COLOURED_SHARE = 0.4, 0.15, 0.25
 SEEN = 5.0
 """Change of a reading that no uncertain parameter of the card, and none of another effect that is there, can
 take over, root mean square in units of its noise, from which an effect has to be found."""
-SOUGHT = {effect.name for effect in (*CATALOGUE, *EXTENSION)} | {
-    "presliding",
-    "sensor_gain",
-    "sensor_offset",
-    "sensor_drift",
-}
+SOUGHT = {effect.name for effect in (*CATALOGUE, *EXTENSION, Presliding)} | {*KINDS}
 """Effects that a diagnosis seeks; errors of sensors by what they are drawn as."""
 INTERVAL = 1.96
 WORSE = 1.05

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.diagnosis_data import FoundEffect
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
@@ -66,19 +68,23 @@ def _few_stretches(diagnosis: Diagnosis) -> list[str]:
 
 
 def _together(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:
-    """Strengths of an effect that the data determine together with its shapes, not by themselves."""
+    """Strengths of an effect that the last fit determines together with its shapes, not by themselves."""
     if effect.is_constant or diagnosis.fit is None:
         return []
     strengths = strengths_of(type(diagnosis.model.effects[effect.name]))
     held = strength_stds(diagnosis.fit, effect.name, strengths)
-    return [
-        f"The {words(name)} of {words(effect.name)} is not determined by itself "
-        f"({formatting.estimate(e.value, e.std, e.unit)}), only together with its other parameters: were "
-        f"these known, it would be to {formatting.quantity(std, e.unit)}."
-        for name, e in effect.parameters.items()
-        if name in strengths and (std := held.get(effect_path(effect.name, name), e.std)) < e.std
-        if not differs_from_none(e)
-    ]
+    found = []
+    for name, e in effect.parameters.items():
+        path = effect_path(effect.name, name)
+        # Not the reported one: that folds disagree has other reasons than the shapes.
+        alone = dataclasses.replace(e, std=diagnosis.fit.std.get(path, e.std))
+        if held.get(path, alone.std) < alone.std and not differs_from_none(alone):
+            found.append(
+                f"The {words(name)} of {words(effect.name)} is not determined by itself "
+                f"({formatting.estimate(e.value, alone.std, e.unit)}), only together with its other "
+                f"parameters: were these known, it would be to {formatting.quantity(held[path], e.unit)}."
+            )
+    return found
 
 
 def _undetermined(diagnosis: Diagnosis, effect: FoundEffect) -> list[str]:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from report.fake import diagnosis
+from report.fake import FORCE, diagnosis
 
 from jaxmuscle.decimation import extremes
 from jaxmuscle.diagnosis.diagnosis_data import Estimate
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
-from jaxmuscle.effects import ForceDrift
+from jaxmuscle.effects import ForceDrift, LoadFriction
 from jaxmuscle.formatting import capital, words
 from jaxmuscle.html_template import template
 from jaxmuscle.report import tables
@@ -172,15 +172,24 @@ def test_a_strength_that_is_known_together_with_its_shape_only_is_told() -> None
     effect = dataclasses.replace(found.effects[0], name="force_drift", parameters=own)
     model = found.model.with_effects(force_drift=ForceDrift())
     paths = {f"effects.force_drift.{name}": e for name, e in own.items()}
-    fit: Any = SimpleNamespace(parameters=paths, std_given=lambda name, held: 0.0034 if held else 0.027)
+    std = {path: e.std for path, e in paths.items()}
+    given = lambda name, held: 0.0034 if held else std[name]  # noqa: E731
+    fit: Any = SimpleNamespace(parameters=paths, std=std, std_given=given)
     drift = dataclasses.replace(found, effects=(effect,), model=model, fit=fit)
     (told,) = [each for each in doubts(drift) if "together" in each]
     assert told == (
         "The share of force drift is not determined by itself (0.05 ± 0.03), only together with its other "
         "parameters: were these known, it would be to 0.0034."
     )
-    sure = dataclasses.replace(effect, parameters=own | {"share": Estimate(0.049, 0.007, "", "")})
-    assert not any("together" in each for each in doubts(dataclasses.replace(drift, effects=(sure,))))
+    # That folds disagree is no reason, nor is it of an effect that has no shapes.
+    std["effects.force_drift.share"] = 0.007
+    assert not any("together" in each for each in doubts(drift))
+    paths[FORCE] = Estimate(1.0, 0.8, "N", "")
+    std[FORCE] = 0.7
+    rubs = dataclasses.replace(found.effects[0], parameters={"force": paths[FORCE]})
+    model = found.model.with_effects(load_friction=LoadFriction())
+    friction = dataclasses.replace(found, effects=(rubs,), model=model, fit=fit)
+    assert not any("together" in each for each in doubts(friction))
 
 
 def test_symbols_have_subscripts() -> None:
