@@ -15,6 +15,7 @@ from functools import cache
 from typing import Any, ClassVar, Protocol
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -81,12 +82,20 @@ class AbstractCorrectedEffect(AbstractEffect):
     """An effect on readings of which measured columns are freed before they are fed to links of the chain."""
 
     @abc.abstractmethod
-    def concerns(self, column: str, is_pressure: bool) -> bool:
-        """Whether it acts on a column; `is_pressure`: whether that is one against vacuum or ambient."""
+    def concerns(self, column: str, slot: Slot | None) -> bool:
+        """Whether it acts on a column; `slot`: the slot of a reading that the column is of, if any."""
 
     @abc.abstractmethod
     def corrected(self, shown: Series, samples: Samples) -> Series:
         """The true values, as far as they follow from what was shown; exactly `shown` at zero strength."""
+
+    def corrected_with_rate(self, shown: Series, rate: Series, samples: Samples) -> tuple[Series, Series]:
+        """The true values and their rates per second, by the chain rule from the `rate` that was shown."""
+
+        def true(values: Series, time: Series) -> Series:
+            return self.corrected(values, eqx.tree_at(lambda s: s.time, samples, time))
+
+        return jax.jvp(true, (shown, samples.time), (rate, jnp.ones_like(samples.time)))
 
 
 class AbstractReadingEffect(AbstractCorrectedEffect):
@@ -97,7 +106,7 @@ class AbstractReadingEffect(AbstractCorrectedEffect):
         kind: name of the error without the column.
     """
 
-    def concerns(self, column: str, is_pressure: bool) -> bool:
+    def concerns(self, column: str, slot: Slot | None) -> bool:
         """Its own column alone."""
         return column == self.column
 

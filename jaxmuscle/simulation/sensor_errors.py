@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from functools import reduce
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
@@ -66,8 +65,8 @@ def readings_now(
 def true_track(actuator: AbstractActuator, track: Track) -> Track:
     """A measured track as it was in truth, freed of what the machine's sensors do to their readings.
 
-    Rates of measured states are those of the corrected states, by the chain rule. The track itself when no
-    effect of the machine is of that kind, or when it has been freed of them.
+    Rates of measured states are those of the corrected states. The track itself when no effect of the machine
+    is of that kind, or when it has been freed of them.
     """
     if track.is_true:
         return track
@@ -76,9 +75,11 @@ def true_track(actuator: AbstractActuator, track: Track) -> Track:
     effects: list[AbstractCorrectedEffect] = [*reversed(_errors(actuator))]
     effects += [effect for effect in in_the_chain if isinstance(effect, AbstractCorrectedEffect)]
     rates = {base: rate for rate, base in actuator.derivatives.items()}
+    outputs = actuator.reading_slots()
+    slots = {column: slot for slot, output in outputs.items() for column in actuator.outputs[output]}
     measured = dict(track.measured)
     for state, columns in actuator.measured.items() if effects else ():
-        acting = [[e for e in effects if e.concerns(c, actuator.column(c).referenced)] for c in columns]
+        acting = [[e for e in effects if e.concerns(column, slots.get(column))] for column in columns]
         if not any(acting):
             continue
         pairs = [
@@ -113,13 +114,10 @@ def _true_column(
     if not effects:
         return values, jnp.zeros_like(values) if rates is None else rates
 
-    def true(values: Array, time: Array) -> Array:
-        at = eqx.tree_at(lambda s: s.time, samples, time)
-        return reduce(lambda shown, effect: effect.corrected(shown, at), effects, values)
-
     if rates is None:
-        return true(values, samples.time), jnp.zeros_like(values)
-    return jax.jvp(true, (values, samples.time), (rates, jnp.ones_like(samples.time)))
+        true = reduce(lambda shown, effect: effect.corrected(shown, samples), effects, values)
+        return true, jnp.zeros_like(true)
+    return reduce(lambda shown, effect: effect.corrected_with_rate(*shown, samples), effects, (values, rates))
 
 
 def _samples(actuator: AbstractActuator, column: str, track: Track, rows: Int[Array, " samples"]) -> Samples:

@@ -11,6 +11,7 @@ from oracles.bench import built
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
 from jaxmuscle.effects import FURTHER, Backlash, ForceSensorLag, ForceSensorNonlinearity, PressureSensorLag
+from jaxmuscle.effects.readings import Samples
 from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residuals import residuals
 from jaxmuscle.signals import Signals
@@ -96,6 +97,105 @@ def test_slope_of_a_backlash_on_the_way_at_rest_and_at_reversals(width):
     np.testing.assert_array_equal(slope[1:], [-1, -1, -1, -1, 1, 1, 1, -1])
     np.testing.assert_array_equal(jax.grad(lambda b: shown(b).sum())(width), slope.sum())
     np.testing.assert_array_equal(shown(0.0), path)
+
+
+def backlash_samples(begins=()):
+    """Instants of a path of 60 samples, in one stretch or several."""
+    edges = np.array([0, *begins, 60])
+    stretch = np.searchsorted(edges, np.arange(60), side="right") - 1
+    return Samples(jnp.arange(60) * STEP, jnp.asarray(edges[stretch]), jnp.asarray(edges[stretch + 1] - 1))
+
+
+ROUND = 5e-3 * np.sin(2 * np.pi * np.arange(60) / 40)
+"""Up, down and up again, from 0 [m]."""
+
+
+def behind(half, path):
+    """What the sensor shows of a path, a play operator by hand, at rest in its middle at first."""
+    at, found = path[0], []
+    for position in path:
+        at = max(position - half, min(position + half, at))
+        found.append(at)
+    return jnp.asarray(found)
+
+
+def test_the_load_is_at_the_side_of_the_gap_that_last_pushed():
+    half = 1e-3
+    effect, shown = built(Backlash, half_width=half), behind(half, ROUND)
+    found = np.asarray(effect.corrected(shown, backlash_samples()))
+    # Not while the sensor rests and the load crosses the gap, nor in the fifth of it after that.
+    pushed = np.abs(np.diff(shown, prepend=shown[0])) > 0
+    settled = pushed & (np.abs(found - shown) > 0.999 * half)
+    np.testing.assert_allclose(found[settled], ROUND[settled], atol=1e-9)
+    assert settled.sum() > 0.75 * pushed.sum() > 20
+    assert {*np.sign(found - shown)[settled]} == {-1.0, 1.0}
+
+
+def test_where_a_stretch_begins_the_load_is_in_the_middle_of_the_gap():
+    half, begin = 1e-3, 20
+    effect, shown = built(Backlash, half_width=half), behind(half, ROUND)
+    found = np.asarray(effect.corrected(shown, backlash_samples((begin,))))
+    whole = np.asarray(effect.corrected(shown, backlash_samples()))
+    np.testing.assert_array_equal(found[:begin], whole[:begin])
+    assert found[begin] == shown[begin] and whole[begin] == shown[begin] - half
+    np.testing.assert_array_equal(found[begin + 2 :], whole[begin + 2 :])
+
+
+def test_noise_does_not_move_the_load_across_the_gap():
+    half, rng = 1e-3, np.random.default_rng(3)
+    path = np.where(np.arange(60) < 10, ROUND, ROUND[10])
+    shown = behind(half, path) + 1e-5 * rng.normal(size=60)
+    found = built(Backlash, half_width=half).corrected(shown, backlash_samples())
+    np.testing.assert_allclose(found[10:], shown[10:] + half, atol=0.25 * half)
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-9, 2e-4, 1e-3])
+def test_slopes_of_a_position_freed_of_backlash(half):
+    """By the half width and by what was shown, against finite differences, under vmap; at rest, too."""
+    shown, at = behind(1e-3, jnp.concatenate([ROUND[:45], jnp.full(15, ROUND[44])])), backlash_samples()
+
+    @jax.jit
+    def freed(half, shown):
+        return built(Backlash, half_width=half).corrected(shown, at)
+
+    by_width, by_shown = jax.vmap(jax.jacfwd(freed, argnums=(0, 1)), (0, None))(jnp.full(2, half), shown)
+    here, tiny = freed(half, shown), 1e-9
+    np.testing.assert_allclose(by_width[1], (freed(half + tiny, shown) - here) / tiny, atol=2e-4)
+    # Back from the side that pushed: at rest the slope the other way is none.
+    way = jnp.interp(jnp.arange(60.0), jnp.asarray([0.0, 25, 40, 59]), jnp.asarray([25.0, 0, 15, 0]))
+    change = (freed(half, shown + tiny * way) - here) / tiny
+    np.testing.assert_allclose(by_shown[0] @ way, change, atol=2e-4)
+    assert half > 0 or bool(jnp.all(here == shown))
+
+
+def test_the_velocity_of_the_load_is_the_sensors(true):
+    machine = bench.model("isotonic", backlash={"half_width": 1e-3}, sensor_gain_position={"gain": 0.03})
+    columns = {name: np.asarray(values) for name, values in true.items()}
+    noise = {"pressure": 300.0, "position": 5e-5}
+    recording = jm.recording(machine, {"command": COMMAND, **columns}, STEP, noise=noise, horizon=0.3)
+    track = case(recording, 0.0).problem.track
+    freed = true_track(machine, track).measured
+    np.testing.assert_allclose(freed["velocity"], track.measured["velocity"] / 1.03, rtol=1e-12, atol=1e-15)
+    moved = np.asarray(freed["position"] - track.measured["position"] / 1.03)
+    assert 0.99e-3 < np.abs(moved).max() <= 1e-3 + 1e-12
+    np.testing.assert_array_equal(freed["pressure"], track.measured["pressure"])
+
+
+@pytest.mark.slow
+def test_a_window_begins_with_the_load_at_its_side_of_the_gap():
+    """Residuals of the right machine, on windows that begin anywhere, with and without the backlash."""
+    half = 1e-3
+    readings = lifted(backlash={"half_width": half})[1]
+    noise, rng = {"pressure": 300.0, "position": 5e-5}, np.random.default_rng(4)
+    columns = {n: np.asarray(readings[n]) + noise[n] * rng.normal(size=len(CLOCK)) for n in noise}
+    machine = bench.model("isotonic", backlash={"half_width": half})
+    recording = jm.recording(machine, {"command": COMMAND, **columns}, STEP, noise=noise, horizon=0.3)
+    problem = case(recording, 0.0).problem
+
+    def left(model):
+        return float(np.mean(np.square(weighted_residuals(model, problem)["position"])))
+
+    assert left(machine) < 0.1 * left(bench.model("isotonic"))
 
 
 def test_a_bent_load_cell():
