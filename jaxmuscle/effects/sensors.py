@@ -141,9 +141,10 @@ class Backlash(AbstractMemoryEffect, AbstractCorrectedEffect):
     r"""Backlash between load and sensor: :math:`y = \max(x - b, \min(x + b, y^-))`; the addition is y - x.
 
     The sensor stays until a side of a gap of width 2 b pushes it on: a play operator, at rest in the middle
-    of the gap at first. Where a measured position is taken as an input of another link, or as that with which
-    a window begins, it is y + s b, with s the side that last pushed: from -1 to 1, a stop operator on y that
-    changes sides over a fifth of b. While the load crosses the gap the sensor rests, and nothing tells where
+    of the gap at first. A search begins with gaps that are wide, too: a fit on long windows does not get to
+    them from a narrow one. Where a measured position is taken as an input of another link, or as that with
+    which a window begins, it is y + s b, with s the side that last pushed: from -1 to 1, a stop operator on y
+    that changes sides over a fifth of b. While the load crosses the gap the sensor rests, and nothing tells where
     it is; its velocity is taken to be the sensor's.
     """
 
@@ -151,7 +152,7 @@ class Backlash(AbstractMemoryEffect, AbstractCorrectedEffect):
     slot: ClassVar = POSITION_READING
     reads: ClassVar = frozenset({"position_reading"})
     strength: ClassVar = "half_width"
-    starts: ClassVar = ({},)
+    starts: ClassVar = ({}, {"half_width": 5e-4}, {"half_width": 5e-3})
     source: ClassVar = "play operator; Nordin and Gutman, Automatica 38, 2002"
     view: ClassVar = LOOP
 
