@@ -144,8 +144,8 @@ class Backlash(AbstractMemoryEffect, AbstractCorrectedEffect):
     of the gap at first. A search begins with gaps that are wide, too: a fit on long windows does not get to
     them from a narrow one. Where a measured position is taken as an input of another link, or as that with
     which a window begins, it is y + s b, with s the side that last pushed: from -1 to 1, a stop operator on y
-    that changes sides over a fifth of b. While the load crosses the gap the sensor rests, and nothing tells where
-    it is; its velocity is taken to be the sensor's.
+    that changes sides over a fifth of b. While the load crosses the gap the sensor rests, and nothing tells
+    where it is; its velocity is taken to be the sensor's.
     """
 
     name: ClassVar = "backlash"
