@@ -44,6 +44,7 @@ ON_THE_SIDE = {
     "_config": {"errors", "_compilation_cache"},
     "_compilation_cache": {"errors"},
     "_traced_programs": {"_compilation_cache", "errors", "files"},
+    "_memory_areas": set(),
     "_linalg": set(),
     "formatting": {"parameter_names", "units"},
     "decimation": set(),

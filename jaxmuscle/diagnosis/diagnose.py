@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
+from jaxmuscle._memory_areas import make_room_for_programs
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.card_constants import CardConstant, card_constants
@@ -120,6 +121,7 @@ def diagnose(
         InputError: a fraction that is none, a mask of another length, masks that leave too little; several
             recordings that are not of one bench; a file for `resume` that is another one.
     """
+    make_room_for_programs()
     whole = recording if isinstance(recording, Recording) else of_one_bench(recording)
     meter = Meter(progress)
     kept_out = _held_out(whole, held_out)

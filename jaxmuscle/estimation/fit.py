@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import jaxmuscle
 from jaxmuscle._config import require_double_precision
+from jaxmuscle._memory_areas import make_room_for_programs
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation import request
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint, checkpoint_at
@@ -318,6 +319,7 @@ def fit(
             a solver that does not step by derivatives, a file for `resume` that is another one.
     """
     require_double_precision("a fit")
+    make_room_for_programs()
     given = request.given_recordings(actuator, recordings)
     steps, seed = request.whole(steps, "steps", 1), request.whole(seed, "seed", 0)
     deadline = time.monotonic() + request.seconds(budget, "budget")

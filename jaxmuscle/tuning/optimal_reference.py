@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
+from jaxmuscle._memory_areas import make_room_for_programs
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.feedback import Attached, feedback_on
 from jaxmuscle.control.loop import ClosedLoop
@@ -137,6 +138,7 @@ def optimal_reference(
             values to begin with at which the loop runs away.
     """
     require_double_precision("optimal_reference")
+    make_room_for_programs()
     given = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
     if not given or not all(isinstance(each, Scenario) for each in given):
         raise InputError("scenarios: expected at least one jaxmuscle.tuning.Scenario")

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxmuscle._config import require_double_precision
+from jaxmuscle._memory_areas import make_room_for_programs
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.control.digital import check_clocks
 from jaxmuscle.control.feedback import Attached, feedback_on
@@ -109,6 +110,7 @@ def tune(
             a loop that runs away wherever it is begun.
     """
     require_double_precision("tuning")
+    make_room_for_programs()
     begin = time.monotonic()
     steps, seed = whole(steps, "steps", 1), whole(seed, "seed", 0)
     deadline, wide = begin + seconds(budget, "budget"), factors(continuation, "continuation")
