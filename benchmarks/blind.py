@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import platform
 import sys
 import time
@@ -213,7 +214,18 @@ def compared(row: Row) -> Iterator[tuple[float, list[float] | None]]:
     """True and found value of each parameter of an effect that was rightly found; None if it has none."""
     for name, truth in row["truth"].items():
         if (found := row["found"].get(label(name, truth))) is not None:
+            found = same_sprocket(found, truth) if name == "eccentric_sprocket" else found
             yield from ((value, found.get(each)) for each, value in truth.items() if each != "column")
+
+
+def same_sprocket(found: Row, truth: Row) -> Row:
+    """An eccentric sprocket with a positive eccentricity, as drawn, its phase within half a turn of the true
+    one: the other sign is the same sprocket half a turn on.
+    """
+    (size, size_std), (phase, phase_std) = found["eccentricity"], found["phase"]
+    phase += math.pi if size < 0 else 0.0
+    phase -= 2 * math.pi * round((phase - truth["phase"]) / (2 * math.pi))
+    return found | {"eccentricity": [abs(size), size_std], "phase": [phase, phase_std]}
 
 
 def uncompared(rows: Sequence[Row]) -> str:

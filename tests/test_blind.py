@@ -224,6 +224,16 @@ def test_errors_of_sensors_go_by_the_column_and_bristles_are_on_a_rough_bench():
     assert blind.first(row(["presliding"], ["presliding"], bristles=1e-5)) == "presliding"
 
 
+def test_an_eccentric_sprocket_of_the_other_sign_is_the_same_half_a_turn_on():
+    true = {"eccentricity": 0.02, "phase": 3.0, "wrap_angle": 1.0}
+    found = {"p": 1e-6, "eccentricity": [-0.021, 0.001], "phase": [-0.1, 0.1], "wrap_angle": [1.1, 0.1]}
+    same = row([], ["eccentric_sprocket"]) | {"truth": {"eccentric_sprocket": true}}
+    same["found"]["eccentric_sprocket"] = found
+    assert list(blind.coverage(same)) == [True, True, True]
+    same["found"]["eccentric_sprocket"] = found | {"phase": [3.0, 0.1]}
+    assert list(blind.coverage(same)) == [True, False, True]
+
+
 def test_shares_of_what_is_drawn():
     drawn_ones = list(blind.tasks(300, ["driven", "joint"]))
     effects = [effects for _, _, effects, _ in drawn_ones]

@@ -15,8 +15,8 @@ PLACES = {
     "jaxmuscle.diagnosis.ranking": ("PROMISING", "MOST"),
     "jaxmuscle.diagnosis.pairs": ("LEADERS", "NEEDED"),
     "jaxmuscle.diagnosis.folds": ("FOLDS",),
-    "jaxmuscle.diagnosis.verdict": ("MISSING", "IMITATED", "MUCH", "EXPLAINED", "SURE", "VIOLATED",
-                                    "SURPRISING"),
+    "jaxmuscle.diagnosis.verdict": ("MISSING", "FAR_OFF", "ABOVE_NOISE", "IMITATED", "MUCH", "EXPLAINED",
+                                    "SURE", "VIOLATED", "SURPRISING"),
 }  # fmt: skip
 """Module → its thresholds."""
 MARK = "<!-- thresholds -->"

@@ -32,6 +32,7 @@ from jaxmuscle.diagnosis.verdict import (
     MISSING,
     confirmed,
     doubted,
+    far_off,
     missing_in_noise,
     share_left,
     strength_stds,
@@ -86,8 +87,11 @@ def conclude(case: Case, bench: Workbench, training: Problem, outcome: Outcome, 
     left = unexplained(case, missing, squares, after)
     noise = {column: noise_of(case, column) for column in traces.measured}
     of_columns = {c: squares[out] for out, names in case.actuator.outputs.items() for c in names}
-    may_miss = missing_in_noise(final, of_columns, noise, after["training"])
-    remaining = share_left(*(training_squares(case, each) for each in (traces.before, traces.after)))
+    windows = [training_squares(case, each) for each in (traces.before, traces.after)]
+    may_miss = max(
+        missing_in_noise(final, of_columns, noise, after["training"]), far_off(of_columns, windows[1])
+    )
+    remaining = share_left(*windows)
     said = verdict(
         found=bool(names),
         left=bool(left),

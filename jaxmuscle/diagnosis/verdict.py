@@ -23,6 +23,14 @@ IMITATED = 0.5
 """Share of what is missing (:func:`share_left`) that effects may leave where they leave something
 unexplained: with more, they imitate part of something else. The right effect leaves up to 0.45 on practice
 recordings (11, a rough bearing), where the wrong ones of an outsider left 0.7."""
+FAR_OFF = 2.5
+"""Typical error of predictions from the command alone, in units of the noise, from which the states that
+windows begin with are no excuse, if the residuals given the other readings are above the noise as well
+(:data:`ABOVE_NOISE`). Lifts with a dead volume were called complete at 6.2 and 2.7 (blind recordings 100057
+and 100041); benches from which nothing is missing have up to 2.1 (a rough bearing, 100058), or 3.2 of the
+memory of a muscle with residuals that are noise (practice recording 09)."""
+ABOVE_NOISE = 1.5
+"""Mean square residual above which a reading is not taken for the noise of its sensor there."""
 MUCH = 3.0
 """Root mean square of what is missing, in units of the noise, from which pairs of effects are tried, and
 what refines a friction that was found."""
@@ -69,6 +77,25 @@ def missing_in_noise(
     both = ((levels.get(column, math.inf), error.in_noise**2) for column, error in training.items())
     excess = (min(filter(math.isfinite, pair), default=1.0) - 1 for pair in both)
     return math.sqrt(max(0.0, *excess, 0.0))
+
+
+def far_off(squares: Mapping[str, float], training: Squares) -> float:
+    """Typical size of what predictions from the command miss, in units of the noise, of the worst reading.
+
+    0 where that is not far (:data:`FAR_OFF`), and of readings whose residuals given the others are the noise
+    of their sensors (:data:`ABOVE_NOISE`). Where they are not, states that windows begin with are no excuse:
+    by freeing them the last fit makes up for what the model lacks.
+
+    Args:
+        squares: column → mean square weighted residual of its output given the other readings.
+        training: column → mean square error of each training window, predicted from the command alone.
+    """
+    size = 0.0
+    for column, windows in training.items():
+        typical = math.expm1(np.log1p(windows).mean()) if len(windows) else 0.0
+        if typical > FAR_OFF**2 and squares.get(column, math.inf) > ABOVE_NOISE:
+            size = max(size, math.sqrt(typical - 1))
+    return size
 
 
 def doubted(

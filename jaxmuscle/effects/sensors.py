@@ -13,6 +13,7 @@ from jaxtyping import Array
 
 from jaxmuscle.effects.base import LOOP, AbstractMemoryEffect, AbstractStaticEffect
 from jaxmuscle.effects.readings import AbstractCorrectedEffect, Samples, Series
+from jaxmuscle.hysteresis.operators import play
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, POSITION_READING, PRESSURE_READING, Signals, Slot
 
@@ -173,15 +174,14 @@ class Backlash(AbstractMemoryEffect, AbstractCorrectedEffect):
 
     def _side(self, shown: Series, samples: Samples) -> Series:
         """On which side of the gap the load is, -1 to 1; in its middle where a stretch begins."""
-        begins = jnp.arange(len(shown)) == samples.first
-        moved = jnp.diff(shown, prepend=shown[:1]) / (LEAST + PUSHED * self.half_width)
+        begins, reach = jnp.arange(len(shown)) == samples.first, LEAST + PUSHED * self.half_width
 
-        def onward(side: Array, sample: tuple[Array, Array]) -> tuple[Array, Array]:
-            begin, distance = sample
-            side = jnp.where(begin, 0.0, _within_one(side + distance))
-            return side, side
+        def onward(left: Array, sample: tuple[Array, Array]) -> tuple[Array, Array]:
+            begin, here = sample
+            left = jnp.where(begin, here, play(left, here, reach))
+            return left, (here - left) / reach
 
-        return jax.lax.scan(onward, jnp.zeros_like(shown[0]), (begins, moved))[1]
+        return jax.lax.scan(onward, shown[0], (begins, shown))[1]
 
     def initial(self, signals: Signals) -> Array:
         return signals.position_reading
@@ -196,8 +196,3 @@ class Backlash(AbstractMemoryEffect, AbstractCorrectedEffect):
         """The play operator, at b = 0 with its derivative towards b > 0, where max and min take the mean."""
         low, high = position - self.half_width, position + self.half_width
         return jnp.where(memory > high, high, jnp.where(memory < low, low, memory))
-
-
-def _within_one(value: Array) -> Array:
-    """`value` between -1 and 1, with a slope of one or none, not the mean of both, at the ends."""
-    return jnp.where(value > 1, 1.0, jnp.where(value < -1, -1.0, value))

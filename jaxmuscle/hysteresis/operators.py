@@ -63,10 +63,11 @@ def respond(
     return jax.lax.scan(onward, model.rest() if memory is None else memory, series)
 
 
-Operators = Float[Array, "... operators"]
+Operators = Float[Array, "..."]
+"""One operator, or several along the last axis."""
 Thresholds = NDArray | Operators
 Inputs = Float[Array, "..."]
-"""One input for all operators, or one for each of them along the last axis."""
+"""One input for all operators, or one for each of them."""
 
 
 def play(memory: Operators, value: Inputs, threshold: Thresholds) -> Operators:

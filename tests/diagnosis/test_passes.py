@@ -12,7 +12,18 @@ import pytest
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.diagnose import LESS, _in_passes, _leaves_something, _predicts_inputs
 from jaxmuscle.diagnosis.verdict import MISSING
-from jaxmuscle.effects import CATALOGUE, EXTENSION, Creep, ForceDrift, LoadDamping, Presliding, ThreadFriction
+from jaxmuscle.effects import (
+    CATALOGUE,
+    EXTENSION,
+    Creep,
+    EccentricSprocket,
+    ForceDrift,
+    Gravity,
+    LoadDamping,
+    MuscleMismatch,
+    Presliding,
+    ThreadFriction,
+)
 from jaxmuscle.estimation.predicted_inputs import TRUSTED
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -91,6 +102,46 @@ def test_usual_effects_are_tried_with_inputs_as_predicted():
     assert found.added == ("creep",) and asked == [CATALOGUE]
     found, asked = passes(Outcome(9.0, ("load_friction",)), Outcome(8.0), predicted=Outcome(8.9, ("creep",)))
     assert found.added == ("load_friction",) and len(asked) == 2
+
+
+def test_an_eccentric_sprocket_is_a_rival_but_not_sought(monkeypatch):
+    """Sought among all, it would be named where a joint lacks what the catalogue does not have."""
+    asked = []
+
+    def diagnosed(ready, catalogue, first=None, *, rivals=(), **rest):
+        asked.append((catalogue, rivals))
+        return Outcome(0.1, declared=ready.case.actuator)
+
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "_diagnosed", diagnosed)
+    monkeypatch.setattr(module, "_leaves_something", lambda found: False)
+    jm.diagnose(jm.read(jm.sample("lift")))
+    ((catalogue, rivals),) = asked
+    assert EccentricSprocket in rivals and EccentricSprocket not in catalogue
+    assert {*EXTENSION} < {*rivals}
+    monkeypatch.setattr(module, "_leaves_something", lambda found: True)
+    monkeypatch.setattr(module, "_predicts_inputs", lambda found: False)
+    monkeypatch.setattr(module, "_has_dry_friction", lambda actuator: False)
+    asked.clear()
+    jm.diagnose(jm.read(jm.sample("lift")))
+    assert len(asked) == 4 and not any(EccentricSprocket in catalogue for catalogue, _ in asked)
+
+
+@pytest.mark.slow
+def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "CATALOGUE", (MuscleMismatch, Gravity))
+    monkeypatch.setattr(module, "EXTENSION", ())
+    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
+    blind = drawn(100018, "joint", 1, False)
+    assert {*blind.truth} == {"eccentric_sprocket"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["eccentric_sprocket"]
+    true, (sprocket,) = blind.truth["eccentric_sprocket"], found.effects
+    eccentricity = sprocket.parameters["eccentricity"]
+    # The same sprocket with its phase half a turn on has the other sign.
+    assert abs(abs(eccentricity.value) - true["eccentricity"]) < 2 * eccentricity.std
+    assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
 
 
 @pytest.mark.parametrize(("off", "asks"), [(1.4, True), (TRUSTED + 0.1, False), (None, False)])

@@ -12,6 +12,7 @@ from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
     confirmed,
     doubted,
+    far_off,
     missing_in_noise,
     share_left,
     strength_stds,
@@ -81,6 +82,18 @@ def test_what_predictions_from_the_command_alone_do_not_miss_is_not_missing() ->
     )
     assert missing_in_noise(fit(math.nan, 1.0), {}, noise, predicted(**{"0": 3.0})) == pytest.approx(8**0.5)
     assert missing_in_noise(fit(3.0, 1.0), {}, noise, predicted(**{"0": math.nan})) == pytest.approx(8**0.5)
+
+
+def test_predictions_that_are_far_off_are_missed_by_more_than_first_states() -> None:
+    above, windows = {"0": 4.0, "1": 1.0}, {"0": np.array([35.0, 48.0]), "1": np.array([60.0])}
+    typical = math.sqrt(36.0 * 49.0) - 1
+    assert far_off(above, windows) == pytest.approx(math.sqrt(typical - 1))
+    assert far_off({"0": 1.0, "1": 4.0}, windows) == pytest.approx(math.sqrt(59.0))
+    # A residual that is the sensor's noise leaves nothing that a state may have hidden.
+    assert far_off({"0": 1.2, "1": 1.2}, windows) == 0.0
+    # One window that begins in the middle of a jerk is not typical.
+    assert far_off({"0": 4.0}, {"0": np.array([*[1.0] * 20, 240.0])}) == 0.0
+    assert far_off({"0": 4.0}, {"0": np.zeros(0)}) == 0.0
 
 
 @pytest.mark.parametrize(("value", "std", "sure"), [(14.0, 0.2, True), (-3.0, 1.0, True), (0.3, 0.2, False)])

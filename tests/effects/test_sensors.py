@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from oracles import bench
 from oracles.bench import built
+from oracles.plays import behind_play
 
 import jaxmuscle as jm
 from jaxmuscle.actuators import RIGS
@@ -65,10 +66,8 @@ def test_the_position_is_predicted_from_the_pressure_before_its_sensor_lagged(tr
 
 
 def test_backlash_is_a_play_operator(true):
-    half, at, expected = 1e-3, true["position"][0], []
-    for position in true["position"]:
-        at = max(position - half, min(position + half, at))
-        expected.append(at)
+    half = 1e-3
+    expected = behind_play(true["position"], half, true["position"][0])
     found = lifted(backlash={"half_width": half})[1]
     # Reversals between samples: within a step of the motion there.
     np.testing.assert_allclose(found["position"], expected, atol=2e-5)
@@ -111,12 +110,8 @@ ROUND = 5e-3 * np.sin(2 * np.pi * np.arange(60) / 40)
 
 
 def behind(half, path):
-    """What the sensor shows of a path, a play operator by hand, at rest in its middle at first."""
-    at, found = path[0], []
-    for position in path:
-        at = max(position - half, min(position + half, at))
-        found.append(at)
-    return jnp.asarray(found)
+    """What the sensor shows of a path, the load in the middle of the gap at first."""
+    return jnp.asarray(behind_play(np.asarray(path), half, path[0]))
 
 
 def test_the_load_is_at_the_side_of_the_gap_that_last_pushed():
@@ -137,7 +132,8 @@ def test_where_a_stretch_begins_the_load_is_in_the_middle_of_the_gap():
     found = np.asarray(effect.corrected(shown, backlash_samples((begin,))))
     whole = np.asarray(effect.corrected(shown, backlash_samples()))
     np.testing.assert_array_equal(found[:begin], whole[:begin])
-    assert found[begin] == shown[begin] and whole[begin] == shown[begin] - half
+    assert found[begin] == shown[begin]
+    np.testing.assert_allclose(whole[begin], shown[begin] - half, atol=1e-15)
     np.testing.assert_array_equal(found[begin + 2 :], whole[begin + 2 :])
 
 
