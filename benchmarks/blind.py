@@ -10,6 +10,7 @@ the truth.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import platform
@@ -256,14 +257,17 @@ def confusion(rows: Sequence[Row]) -> str:
 
 def detection(rows: Sequence[Row]) -> str:
     """How many single effects were added first, by how much they change a reading beyond any imitation."""
-    table = []
-    edges = [0, 0.3, 1, 2, 5, 10, 30, float("inf")]
-    singles = [row for row in rows if "found" in row and len(row["truth"]) == 1]
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
-        some = [row for row in singles if low <= row["left"] < high]
-        right = sum(first(row) in there(row) for row in some)
-        table.append([f"{low:g} to {high:g}", str(right), str(len(some))])
+    table = [[f"{low:g} to {high:g}", str(right), str(of)] for low, high, right, of in found_by_size(rows)]
     return aligned(["change in noise", "found", "of"], table)
+
+
+def found_by_size(rows: Sequence[Row]) -> Iterator[tuple[float, float, int, int]]:
+    """From which size to which, how many single effects of these were added first, and how many there are."""
+    edges = [0, 0.3, 1, 2, 5, 10, 30, math.inf]
+    singles = [row for row in rows if "found" in row and len(row["truth"]) == 1]
+    for low, high in itertools.pairwise(edges):
+        some = [row for row in singles if low <= row["left"] < high]
+        yield low, high, sum(first(row) in there(row) for row in some), len(some)
 
 
 def main() -> int:

@@ -259,6 +259,14 @@ def asked(monkeypatch):
     return asked
 
 
+def test_no_row_of_the_last_run_is_left_out():
+    """Its figures stand in the documentation: rows of all successive seeds, as they are drawn by default."""
+    rows = kept(BENCHMARKS / "blind_rows.jsonl")
+    first = min(seed for seed, *_ in rows)
+    drawn = blind.tasks(len(rows), list(RANGES), begin=first)
+    assert {(seed, rig, n, "coloured" if c else "white", "") for seed, rig, n, c in drawn} == set(rows)
+
+
 def test_an_interrupted_run_goes_on(tmp_path, asked):
     file = tmp_path / "deeper" / "blind.jsonl"
     assert len(blind.run(3, ["driven"], file)) == 3

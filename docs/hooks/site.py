@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from blind_figures import with_blind_figures
 from card_reference import card_reference
 from command_reference import command_reference
 from effect_reference import effect_reference
@@ -37,8 +38,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Fill in the thresholds of a diagnosis."""
-    return with_thresholds(markdown)
+    """Fill in the thresholds of a diagnosis and how it did on recordings that it had not seen."""
+    return with_blind_figures(with_thresholds(markdown))
 
 
 def on_page_content(html: str, **_: Any) -> str:
