@@ -265,7 +265,7 @@ def forward_selection(
     parts = case.training.in_parts(PARTS)
     meter.did(0.0, "fitting the declared model")
     ready = compiling(bench, parts) if first is None else (lambda: None)
-    declared = bench.settled(bench.model, [], parts, FIT_STEPS).model
+    declared = bench.first_fit(parts, FIT_STEPS).model
     meter.did(DECLARED, "fitting the declared model with its final weights")
     parts = _with_spread(case, bench, parts, declared)
     declared = bench.settled(declared, [], parts, FIT_STEPS).model

@@ -63,6 +63,11 @@ class SettledFit:
         """What the weights are multiplied by, as what it leaves is uncertainty."""
         return weight_factors(self.left)
 
+    @property
+    def independent_readings(self) -> float:
+        """Readings that what it leaves is worth, of the column where they are fewest."""
+        return min(each.readings / each.time for columns in self.left.values() for each in columns)
+
     def noise_in_residuals(self, problem: Problem) -> float:
         """Root mean square residual that the sensors' noise leaves by these weights."""
         readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())

@@ -11,8 +11,10 @@ from oracles import bench
 from oracles.recorded import clock, driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.conclusion import _estimates
+from jaxmuscle.diagnosis.conclusion import FIT_STEPS, _estimates
 from jaxmuscle.diagnosis.settled_fit import SETTLED
+from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
 from jaxmuscle.report.report_files import write
 from jaxmuscle.robot import robot
@@ -99,6 +101,22 @@ def test_other_rigs_keep_the_promise(rig):
     off = refitted(diagnosis, recording)
     assert set(off) == set(diagnosis.parameters) == set(free)
     assert max(map(abs, off.values())) < SMALL, off
+
+
+def test_priors_do_not_hold_constants_against_an_error_as_long_as_the_recording():
+    """A jet pipe that lacks nothing, two of its constants two standard deviations from the card's values."""
+    recorded = _recorded("jet-pipe", bench.jet_pipe_command(), (), {"current": 5e-4, "force": 0.2})
+    given = bench.CARDS["jet-pipe"]
+    stds = {"pipe_compliance": 4e-5, "receiver_offset": 1e-5}
+    off = {name: (given[name] + 2 * std, std) for name, std in stds.items()}
+    ready = case(dataclasses.replace(recorded, card=recorded.card.updated(off, {})), 0.3)
+    own, problem = workbench(ready, ()), ready.training.in_parts(4)
+    held = own.settled(own.model, [], problem, FIT_STEPS)
+    assert held.independent_readings == 1
+    assert own.mean_squares(held.model, problem)["force"] > 100
+    found = own.first_fit(problem, FIT_STEPS)
+    assert max(own.mean_squares(found.model, problem).values()) < 1.1
+    assert own.farthest_from_card(found.model) < 2.5
 
 
 def test_a_card_that_is_sure_of_everything_is_diagnosed_and_reported(tmp_path):
