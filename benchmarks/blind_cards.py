@@ -84,7 +84,8 @@ def card_of(rig: str, machine: Mapping[str, float], declared: Effects, draw: np.
     stds = UNCERTAIN[rig]
     units = {"position": "m", "force": "N", "angle": "rad", "command": "V", "time": "s", "current": "A"}
     names = ["time", *columns_of(rig)]
-    columns = {n: {"column": n, **({"unit": units[n]} if n in units else absolute)} for n in names}
+    gauge = {"unit": "Pa", "reference": "gauge"}
+    columns = {n: {"column": n, **({"unit": units[n]} if n in units else gauge)} for n in names}
     skipped = {"ambient_pressure"} if rig in ("driven", "joint") else set()
     known = {n: v for n, v in machine.items() if n not in stds and n not in skipped}
     return Card.parse(

@@ -190,6 +190,8 @@ def test_readings_by_hand():
 
     np.testing.assert_allclose(named("sensor_offset", offset=0.1), value + 0.1)
     np.testing.assert_allclose(named("sensor_gain", gain=-0.01), 0.99 * value)
+    shown = read("pressure", "sensor_gain", column="pressure", gain=0.02)
+    np.testing.assert_allclose(shown, value + 0.02 * (value - AMBIENT))
     np.testing.assert_allclose(named("sensor_drift", rate=0.2), value + 0.1 * np.arange(5))
     np.testing.assert_allclose(read("position", "backlash", half_width=1.0), [0, 0, 1, 2, 3])
     np.testing.assert_allclose(

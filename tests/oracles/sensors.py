@@ -6,6 +6,7 @@ from oracles.plays import behind_play
 
 LAGS = {"pressure_sensor_lag": "pressure", "force_sensor_lag": "force"}
 BACKLASH = ("position", "angle")
+AMBIENT = 101325.0
 FINE = 50
 """Substeps to a time constant of a lag."""
 
@@ -15,7 +16,8 @@ def readings(effects, values, step):
 
     Lag: τ dy/dt = value - y, settled at first, of each column that begins with pressure or force. Force:
     y + c y³. Backlash: a play operator of the half width, at rest in its middle. Then, of the one column that
-    the effect names: (1 + gain) y, y + offset, y + rate t.
+    the effect names: y + gain (y - y0), y + offset, y + rate t. y0: what the sensor shows unloaded; pressures
+    are absolute, their sensors show zero in the open.
     """
     return {name: np.asarray(_reading(effects, name, true, step)) for name, true in values.items()}
 
@@ -31,7 +33,8 @@ def _reading(effects, name, true, step):
         true = behind_play(true, slack["half_width"], true[0])
     own = {e: v for e, v in effects.items() if v.get("column") == name}
     if gain := own.get("sensor_gain"):
-        true = (1 + gain["gain"]) * true
+        unloaded = AMBIENT if name.startswith("pressure") else 0.0
+        true = true + gain["gain"] * (true - unloaded)
     if off := own.get("sensor_offset"):
         true = true + off["offset"]
     if drift := own.get("sensor_drift"):
