@@ -36,7 +36,8 @@ class CandidateModels:
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         constants: constants of the card that may be wrong; they are candidates too.
         refinements: names of candidates that change how friction builds up; they wait until some is found
-            and much is left all the same, or another effect is found after it, against which they are tried.
+            and much is left all the same, or another effect is found beside friction, against which they are
+            tried.
         rivals: names of candidates that are tried only against one that was found.
     """
 
@@ -59,6 +60,14 @@ class CandidateModels:
         refines = rubs and much_is_left
         waiting = {*self.rivals, *(() if refines else self.refinements)}
         return [e for e in self.candidates if e not in found and e.name not in waiting]
+
+    def refining(self, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
+        """Refinements of a dry friction that is declared, or among what was `accepted`."""
+        declared = (type(effect) for effect in self.model.effects.values())
+        found = (effect for effect in self.candidates if effect.name in accepted)
+        if not any(issubclass(effect, AbstractFrictionEffect) for effect in (*declared, *found)):
+            return []
+        return [e for e in self.candidates if e.name in self.refinements and e.name not in accepted]
 
     def dressed(self, model: AbstractActuator, names: Sequence[str]) -> AbstractActuator:
         """`model` carrying the candidates that are in `names`, and at zero strength those that are tried

@@ -187,14 +187,14 @@ class ForwardSelection:
     ) -> Sequence[type[AbstractEffect]]:
         """What waits and may be imitated by the best one of those that were sought.
 
-        Against the first effect that is found, if it leaves little, rarer ones; where it leaves a part all
-        are tried anyway. Against a later one what refines a friction that was found before: friction that
-        builds up delays a force as a lag of its sensor does.
+        Against the first effect that is found, if it leaves little, rarer ones and what refines a friction
+        that is declared; where it leaves a part all are tried anyway. Against a later one what refines a
+        friction: one that builds up delays a force as a lag of its sensor does.
         """
         bench = self.bench
         if len(self.found) > self.given:
-            return [effect for effect in bench.sought(self.names, much_is_left=True) if effect not in sought]
-        if not bench.rivals or not self._explains(best):
+            return [effect for effect in bench.refining(self.names) if effect not in sought]
+        if not (bench.rivals or bench.refining(self.names)) or not self._explains(best):
             return []
         present = bench.settled(self.model, self.names, self.parts, STEPS)
         return rivals(bench, self.names, best.model, self.parts, present)

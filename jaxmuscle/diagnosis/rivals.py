@@ -29,7 +29,8 @@ def rivals(
     problem: Problem,
     present: SettledFit,
 ) -> list[type[AbstractEffect]]:
-    """The candidates that wait as rivals which may explain as much as what was found.
+    """The candidates that wait as rivals, or to refine a friction, which may explain as much as what was
+    found.
 
     Args:
         accepted: names of what the model has without it; `present`: its fit to `problem`.
@@ -37,6 +38,7 @@ def rivals(
     """
     least = AS_MUCH * gain(bench.losses(present.model, problem), bench.losses(found, problem))
     waiting = [e for e in bench.candidates if e.name in bench.rivals and e.name not in accepted]
+    waiting += bench.refining(accepted)
     parts = parts_removed(bench, accepted, waiting, problem, present)
     near = sorted((-part, i) for i, part in enumerate(parts) if part >= least)
     return excited(bench.case, bench.case.actuator, [waiting[i] for _, i in near[:MOST]])

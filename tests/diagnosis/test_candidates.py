@@ -244,6 +244,17 @@ def test_what_refines_friction_waits_until_a_friction_is_found_that_leaves_much(
     assert set(tools.dressed(bristly, ["thread_friction"]).effects) == {"thread_friction"}
 
 
+def test_what_refines_friction_is_a_rival_beside_a_declared_or_found_one(prepared):
+    tools = workbench(prepared, [effects.ThreadFriction, effects.Creep], refinements=[effects.Presliding])
+    assert tools.refining([]) == tools.refining(["creep"]) == []
+    assert tools.refining(["thread_friction"]) == [effects.Presliding]
+    assert tools.refining(["thread_friction", "presliding"]) == []
+    rough = prepared.actuator.with_effects(thread_friction=effects.ThreadFriction())
+    declared = dataclasses.replace(tools, model=rough)
+    assert declared.refining([]) == declared.refining(["creep"]) == [effects.Presliding]
+    assert declared.sought([], True) == tools.sought([], True)
+
+
 def test_constants_alone_are_tried_in_a_small_structure(prepared):
     constants = card_constants(prepared)
     tools = workbench(prepared, [effects.ThreadFriction, effects.Creep], constants=constants)

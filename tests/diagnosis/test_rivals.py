@@ -70,8 +70,9 @@ def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True, befo
     monkeypatch.setattr(module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
     bench: Any = SimpleNamespace(
         rivals=("sensor_offset_force",),
+        refining=lambda names: [RARER],
         settled=lambda *of_model: None,
-        sought=lambda names, much_is_left: [FIRST, OTHER, *([RARER] if much_is_left else [])],
+        sought=lambda names, much_is_left: [FIRST, OTHER],
         least_mean_squares=lambda model, parts: {"force": 50.0 if model is MODEL and not explains else 1.0},
     )
     anything: Any = None
