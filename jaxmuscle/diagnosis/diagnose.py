@@ -15,37 +15,32 @@ from numpy.typing import NDArray
 
 from jaxmuscle._config import require_double_precision
 from jaxmuscle._memory_areas import make_room_for_programs
-from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.card_constants import CardConstant, card_constants
 from jaxmuscle.diagnosis.conclusion import Outcome, conclude
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
 from jaxmuscle.diagnosis.forward_selection import forward_selection
+from jaxmuscle.diagnosis.passes import in_passes
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
     DECLARED,
     round_work,
 )
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.diagnosis.verdict import EXPLAINED, LITTLE, MISSING, MUCH
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, EccentricSprocket, Presliding, reading_effects
-from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
+from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case, case, check_held_out, check_parts
 from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask
 from jaxmuscle.estimation.outliers import bad_rows
-from jaxmuscle.estimation.predicted_inputs import TRUSTED, predictable_inputs
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.spans import ends_of_members
-
-LESS = 0.8
-"""Ratio of what two sets of effects leave up to which the larger set counts."""
 
 RARE = (EccentricSprocket,)
 """Effects that are sought only as rivals of the first one found. A sprocket beside its centre moves a joint
@@ -96,14 +91,11 @@ def diagnose(
             (:func:`~jaxmuscle.estimation.outliers.outliers`).
         catalogue: effects to choose from. When `None`, those of :data:`jaxmuscle.effects.CATALOGUE`. Where
             these leave something (more than :data:`~jaxmuscle.diagnosis.verdict.MISSING`, or the verdict
-            would be "unexplained"), they are tried once more with inputs of links as predicted
-            (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`), and where the card
-            declares dry friction once more beside friction that builds up over a distance
-            (:class:`~jaxmuscle.effects.Presliding`), if unseen windows support that. Where that leaves
-            something too, those of
-            :data:`jaxmuscle.effects.EXTENSION` and the errors of the sensors of every column are tried with
-            them, and these once more on whole windows (the other searches predict a quarter of one in a go,
-            in which little drifts). Each counts if it leaves less. The first effect that is found is tried
+            would be "unexplained", or predictions from the command are far off), they are tried once more
+            with inputs of links as predicted, beside friction that builds up over a distance
+            (:class:`~jaxmuscle.effects.Presliding`), and with those of :data:`jaxmuscle.effects.EXTENSION`
+            and the errors of the sensors of every column (:mod:`jaxmuscle.diagnosis.passes`). Each counts if
+            it leaves less. The first effect that is found is tried
             against these rarer ones, and an eccentric sprocket (:mod:`~jaxmuscle.diagnosis.rivals`): it stays
             unless one predicts unseen windows significantly better, and those that do as well cannot be told
             apart from it.
@@ -145,8 +137,9 @@ def diagnose(
                 found = seek(chosen, constants=constants)
                 assert found is not None
                 return found
-            rivals = (*EXTENSION, *RARE, *reading_effects(kinds[0]))
-            return _in_passes(partial(seek, refinements=(Presliding,), rivals=rivals), further, constants)
+            rarer = (*EXTENSION, *reading_effects(kinds[0]))
+            seek = partial(seek, refinements=(Presliding,), rivals=(*rarer, *RARE))
+            return in_passes(seek, chosen, rarer, constants)
 
         return interruptible(work, meter.stop)
 
@@ -159,78 +152,6 @@ def _held_out(recording: Recording, held_out: float | NDArray[np.bool_] | None) 
     if np.ndim(held_out) == 0 and recording.joined_from:
         return ends_of_members(recording, float(held_out))  # pyright: ignore[reportArgumentType]
     return held_out
-
-
-def _in_passes(
-    seek: Callable[..., Diagnosis | None], further: Sequence[type[AbstractEffect]], constants: bool
-) -> Diagnosis:
-    """A diagnosis among the usual effects; where these leave something, from then on with inputs of links as
-    predicted: among the same effects; with dry friction that builds up over a distance before any of them,
-    where there is such friction; with constants of the card beside them, also where a value ran from the card
-    instead; then among all; and among all on whole windows, where what drifts has time to show.
-
-    What is left on the training data decides, everywhere: held-out data have no say.
-    """
-    begin = time.perf_counter()
-    usual, first = (*CATALOGUE, *further), None
-    best = seek(usual)
-    assert best is not None  # the first one concludes whatever it finds
-    seek = partial(seek, if_found=True)
-    if _leaves_something(best):
-        seek = partial(seek, predicting=True)
-        if _predicts_inputs(best):
-            again = seek(usual)
-            best = again if again and _better(again, best) else best
-    if _leaves_something(best) and _has_dry_friction(best.declared):
-        rough = seek((*usual, Presliding), Presliding)
-        if rough and _better(rough, best):
-            best, first = rough, Presliding
-    own = (Presliding,) if first else ()
-    if constants and (_leaves_something(best) or best.violated_priors):
-        fallible = seek((*usual, *own), first, constants=True)
-        if fallible and (_better(fallible, best) or _agrees_with_card(fallible, best)):
-            best = fallible
-    every = (*usual, *EXTENSION, *own, *reading_effects(type(best.declared)))
-    for whole in (False, True):
-        if _leaves_something(best):
-            last = seek(every, first, whole=whole)
-            best = last if last and _better(last, best) else best
-    return dataclasses.replace(best, seconds=time.perf_counter() - begin)
-
-
-def _agrees_with_card(second: Diagnosis, first: Diagnosis) -> bool:
-    """Whether the second explains as much without the values that run from the card in the first."""
-    as_much = second.missing_in_noise < max(first.missing_in_noise, MUCH)
-    return bool(second.added and first.violated_priors) and not second.violated_priors and as_much
-
-
-def _leaves_something(diagnosis: Diagnosis) -> bool:
-    """Whether a diagnosis leaves so much that further effects are to be tried.
-
-    Nothing is called unexplained before all of them were. A few effects, or a value of the card, that leave
-    something may imitate another one: a supply that droops under flow looks like one of a lower pressure.
-    """
-    something = diagnosis.missing_in_noise > MISSING or diagnosis.verdict == "unexplained"
-    right = LITTLE if diagnosis.missing_in_noise > MUCH else EXPLAINED
-    return something and diagnosis.share_left > right
-
-
-def _predicts_inputs(diagnosis: Diagnosis) -> bool:
-    """Whether its model predicts inputs of links so well that they may take the place of readings."""
-    model, errors = diagnosis.model, diagnosis.after["training"]
-    outputs = predictable_inputs(model).values()
-    off = [errors[column].in_noise for output in outputs for column in model.outputs[output]]
-    return bool(off) and max(off) <= TRUSTED
-
-
-def _better(second: Diagnosis, first: Diagnosis) -> bool:
-    return bool(second.added) and second.missing_in_noise < LESS * first.missing_in_noise
-
-
-def _has_dry_friction(actuator: AbstractActuator) -> bool:
-    """Whether it has dry friction that acts at once, on which bristles can be tried."""
-    dry = any(isinstance(effect, AbstractFrictionEffect) for effect in actuator.effects.values())
-    return dry and Presliding.name not in actuator.effects and actuator.offers(Presliding)
 
 
 @dataclasses.dataclass(frozen=True)

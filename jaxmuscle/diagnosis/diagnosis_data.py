@@ -183,6 +183,8 @@ class DiagnosisData:
             reading on the training data.
         share_left: of the typical size of what is missing, what the added effects leave, in the worst column
             (:func:`~jaxmuscle.diagnosis.verdict.share_left`); 1 without any where something is missing.
+        typical_error: of predictions from the command alone, over a typical window of the training data, in
+            units of the noise; of the worst column.
         declared: the machine as declared, fitted to all training data.
         model, fit: the machine as found, and its fit to all training data as :func:`jaxmuscle.fit` does it;
             `None` where the card is sure of everything and nothing was added.
@@ -207,6 +209,7 @@ class DiagnosisData:
     violated_priors: dict[str, float]
     missing_in_noise: float
     share_left: float
+    typical_error: float
     rounds: tuple[Round, ...]
     declared: AbstractActuator
     model: AbstractActuator

@@ -32,7 +32,7 @@ from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Member, Recording
 
 KIND = "jaxmuscle diagnosis"
-FORMAT = 1
+FORMAT = 2
 Result = TypeVar("Result", bound=DiagnosisData)
 
 
@@ -87,8 +87,8 @@ def load(path: str | Path, kind: type[Result]) -> Result:
 
 
 AS_THEY_ARE = (
-    "verdict", "refused", "unused", "violated_priors", "missing_in_noise", "share_left", "noise", "units",
-    "horizon", "held_out_fraction", "converged", "seconds", "settings",
+    "verdict", "refused", "unused", "violated_priors", "missing_in_noise", "share_left", "typical_error",
+    "noise", "units", "horizon", "held_out_fraction", "converged", "seconds", "settings",
 )  # fmt: skip
 """Fields that JSON holds as they are."""
 

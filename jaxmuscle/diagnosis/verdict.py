@@ -90,12 +90,19 @@ def far_off(squares: Mapping[str, float], training: Squares) -> float:
         squares: column → mean square weighted residual of its output given the other readings.
         training: column → mean square error of each training window, predicted from the command alone.
     """
-    size = 0.0
-    for column, windows in training.items():
-        typical = math.expm1(np.log1p(windows).mean()) if len(windows) else 0.0
-        if typical > FAR_OFF**2 and squares.get(column, math.inf) > ABOVE_NOISE:
-            size = max(size, math.sqrt(typical - 1))
-    return size
+    errors = typical_errors(training).items()
+    far = [each for c, each in errors if each > FAR_OFF and squares.get(c, math.inf) > ABOVE_NOISE]
+    return math.sqrt(max(far) ** 2 - 1) if far else 0.0
+
+
+def typical_errors(training: Squares) -> dict[str, float]:
+    r"""Column → error of a typical window, :math:`\sqrt{\exp\overline{\ln(1 + m)} - 1}`, in noise units.
+
+    Args:
+        training: column → m, mean square error of each window, predicted from the command alone.
+    """
+    means = {column: np.log1p(each).mean() if len(each) else 0.0 for column, each in training.items()}
+    return {column: math.sqrt(math.expm1(mean)) for column, mean in means.items()}
 
 
 def doubted(

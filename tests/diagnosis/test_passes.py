@@ -10,15 +10,23 @@ from typing import Any
 import pytest
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.diagnose import LESS, _in_passes, _leaves_something, _predicts_inputs
-from jaxmuscle.diagnosis.verdict import MISSING
+from jaxmuscle.diagnosis.passes import (
+    LESS,
+    _hides_something,
+    _leaves_something,
+    _predicts_inputs,
+    in_passes,
+)
+from jaxmuscle.diagnosis.verdict import FAR_OFF, IMITATED, MISSING
 from jaxmuscle.effects import (
     CATALOGUE,
     EXTENSION,
+    ChamberLeak,
     Creep,
     EccentricSprocket,
     ForceDrift,
     Gravity,
+    LengthHysteresis,
     LoadDamping,
     MuscleMismatch,
     Presliding,
@@ -30,6 +38,7 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
+going_on = importlib.import_module("jaxmuscle.diagnosis.passes")
 
 
 SMOOTH: Any = type("Smooth", (), {"effects": MappingProxyType({})})()
@@ -49,7 +58,8 @@ class Outcome:
 
     missing_in_noise: float
     names: tuple[str, ...] = ()
-    share_left: float = 1.0
+    share_left: float = 0.4
+    typical_error: float = 1.0
     seconds: float = 0.0
     declared: Any = SMOOTH
     violated_priors: Any = ()
@@ -71,24 +81,26 @@ def passes(*outcomes, constants=False, predicted=None, on_whole_windows=None):
     def seek(catalogue, first=None, constants=False, predicting=False, if_found=False, whole=False):
         assert if_found == bool(first_asked)
         if whole:
-            assert predicting and asked[-1] == (catalogue if first is None else (first, catalogue))
+            assert asked[-1] == (catalogue if first is None else (first, catalogue))
             return on_whole_windows
         first_asked.append(catalogue)
         if predicting and first is None and not constants and catalogue == first_asked[0]:
             return predicted
-        assert predicting == (bool(asked) and _leaves_something(outcomes[0]))
+        goes_on = bool(asked) and _leaves_something(outcomes[0])
+        assert predicting == (goes_on and not _hides_something(outcomes[0]))
         chosen = catalogue if first is None else (first, catalogue)
         asked.append(("constants", chosen) if constants else chosen)
         outcome = left.pop(0)
         return outcome if outcome.names or not if_found else None
 
-    return _in_passes(seek, (), constants), asked
+    rarer: Any = (*EXTENSION, "sensor_offset")
+    return in_passes(seek, CATALOGUE, rarer, constants), asked
 
 
 @pytest.fixture(autouse=True)
 def _without_a_machine(monkeypatch):
     monkeypatch.setattr(module, "reading_effects", lambda rig: ("sensor_offset",))
-    monkeypatch.setattr(module, "_predicts_inputs", lambda diagnosis: True)
+    monkeypatch.setattr(going_on, "_predicts_inputs", lambda diagnosis: True)
 
 
 def test_the_usual_effects_are_enough_where_they_leave_nothing():
@@ -114,14 +126,14 @@ def test_an_eccentric_sprocket_is_a_rival_but_not_sought(monkeypatch):
 
     monkeypatch.undo()
     monkeypatch.setattr(module, "_diagnosed", diagnosed)
-    monkeypatch.setattr(module, "_leaves_something", lambda found: False)
+    monkeypatch.setattr(going_on, "_leaves_something", lambda found: False)
     jm.diagnose(jm.read(jm.sample("lift")))
     ((catalogue, rivals),) = asked
     assert EccentricSprocket in rivals and EccentricSprocket not in catalogue
     assert {*EXTENSION} < {*rivals}
-    monkeypatch.setattr(module, "_leaves_something", lambda found: True)
-    monkeypatch.setattr(module, "_predicts_inputs", lambda found: False)
-    monkeypatch.setattr(module, "_has_dry_friction", lambda actuator: False)
+    monkeypatch.setattr(going_on, "_leaves_something", lambda found: True)
+    monkeypatch.setattr(going_on, "_predicts_inputs", lambda found: False)
+    monkeypatch.setattr(going_on, "_has_dry_friction", lambda actuator: False)
     asked.clear()
     jm.diagnose(jm.read(jm.sample("lift")))
     assert len(asked) == 4 and not any(EccentricSprocket in catalogue for catalogue, _ in asked)
@@ -144,12 +156,29 @@ def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatc
     assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
 
 
+@pytest.mark.slow
+def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monkeypatch):
+    """A memory of the length was named, with 24 noise units left, where friction builds up over 1 mm."""
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "CATALOGUE", (ChamberLeak, LengthHysteresis))
+    monkeypatch.setattr(module, "EXTENSION", ())
+    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
+    blind = drawn(110209, "isotonic", 2, False)
+    assert {*blind.truth} == {"presliding", "chamber_leak"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["chamber_leak", "presliding"]
+    _, bristles = found.effects
+    distance = bristles.parameters["distance"]
+    assert abs(distance.value - blind.truth["presliding"]["distance"]) < 3 * distance.std
+    assert found.after["held_out"]["position"].in_noise < 5.0
+
+
 @pytest.mark.parametrize(("off", "asks"), [(1.4, True), (TRUSTED + 0.1, False), (None, False)])
 def test_inputs_are_predicted_where_the_model_knows_them(monkeypatch, off, asks):
     monkeypatch.undo()
-    column = SimpleNamespace(in_noise=off)
+    column, inputs = SimpleNamespace(in_noise=off), {} if off is None else {"p": "pressure"}
     machine: Any = SimpleNamespace(outputs={"pressure": ("pressure_1",)})
-    monkeypatch.setattr(module, "predictable_inputs", lambda model: {} if off is None else {"p": "pressure"})
+    monkeypatch.setattr(going_on, "predictable_inputs", lambda model: inputs)
     found: Any = SimpleNamespace(model=machine, after={"training": {"pressure_1": column}})
     assert _predicts_inputs(found) == asks
 
@@ -173,6 +202,31 @@ def test_nothing_is_unexplained_before_all_effects_were_tried():
     assert found.added == ("supply_droop",) and len(asked) == 2
     _, asked = passes(Outcome(MISSING, verdict="undecided"))
     assert asked == [CATALOGUE]
+
+
+def test_all_are_tried_where_predictions_are_far_off():
+    """First states of windows may be the cause; a drooping supply (blind lift 110281) hid behind them."""
+    first = Outcome(0.3, typical_error=FAR_OFF + 0.4)
+    droop = Outcome(0.3, ("supply_droop",), typical_error=1.2)
+    found, asked = passes(first, droop)
+    assert found.added == ("supply_droop",) and len(asked) == 2
+    for no_closer in (
+        {"typical_error": LESS * first.typical_error + 0.1},
+        {"missing_in_noise": MISSING + 0.1},
+    ):
+        found, _ = passes(first, dataclasses.replace(droop, **no_closer))
+        assert not found.added
+    _, asked = passes(Outcome(0.3, typical_error=FAR_OFF))
+    assert asked == [CATALOGUE]
+
+
+def test_what_leaves_most_of_the_errors_of_predictions_does_not_count():
+    """As good as ten others, given the other readings, was a stop at the end of a clean lift's way."""
+    stop = Outcome(0.9, ("end_stop",), share_left=IMITATED + 0.3)
+    found, _ = passes(Outcome(2.5), stop)
+    assert not found.added
+    found, _ = passes(Outcome(2.5), dataclasses.replace(stop, share_left=IMITATED))
+    assert found.added == ("end_stop",)
 
 
 def test_all_are_tried_where_a_wrong_constant_leaves_a_part():
@@ -228,7 +282,7 @@ def test_all_are_tried_beside_friction_that_builds_up():
     )
     found, asked = passes(*outcomes)
     assert found.added == ("slip",)
-    every = (*CATALOGUE, *EXTENSION, Presliding, "sensor_offset")
+    every = (*CATALOGUE, *EXTENSION, "sensor_offset", Presliding)
     assert asked == [CATALOGUE, ROUGH, (Presliding, every)]
 
 

@@ -87,6 +87,7 @@ def diagnosis(verdict: str) -> Diagnosis:
         unused={"position": 12} if verdict == "not confirmed" else {},
         violated_priors={"end_factor": 4.2} if verdict == "not confirmed" else {},
         share_left=0.1 if found else 1.0,
+        typical_error=1.1,
         missing_in_noise={"undecided": 2.3, "unexplained": 41.0}.get(verdict, 0.1),
         rounds=searches if found else (Round(1.02, poor, None),),
         declared=model,
