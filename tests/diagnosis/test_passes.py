@@ -221,7 +221,7 @@ def test_all_are_tried_where_predictions_are_far_off():
 
 
 def test_what_leaves_most_of_the_errors_of_predictions_does_not_count():
-    """As good as ten others, given the other readings, was a stop at the end of a clean lift's way."""
+    """Given the other readings a stop at the end of a clean lift's way left nothing, as others did."""
     stop = Outcome(0.9, ("end_stop",), share_left=IMITATED + 0.3)
     found, _ = passes(Outcome(2.5), stop)
     assert not found.added
