@@ -26,9 +26,10 @@ recordings (11, a rough bearing), where the wrong ones of an outsider left 0.7."
 FAR_OFF = 2.5
 """Typical error of predictions from the command alone, in units of the noise, from which the states that
 windows begin with are no excuse, if the residuals given the other readings are above the noise as well
-(:data:`ABOVE_NOISE`); if they are not, all effects are tried all the same. Lifts with a dead volume were called complete at 6.2 and 2.7 (blind recordings 100057
-and 100041); benches from which nothing is missing have up to 2.1 (a rough bearing, 100058), or 3.2 of the
-memory of a muscle with residuals that are noise (practice recording 09)."""
+(:data:`ABOVE_NOISE`); if they are not, all effects are tried all the same. Lifts with a dead volume were
+called complete at 6.2 and 2.7 (blind recordings 100057 and 100041); benches from which nothing is missing
+have up to 2.1 (a rough bearing, 100058), or 3.2 of the memory of a muscle with residuals that are noise
+(practice recording 09)."""
 ABOVE_NOISE = 1.5
 """Mean square residual above which a reading is not taken for the noise of its sensor there."""
 MUCH = 3.0

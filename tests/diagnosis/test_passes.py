@@ -2,8 +2,6 @@
 
 import dataclasses
 import importlib
-import sys
-from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
@@ -21,21 +19,11 @@ from jaxmuscle.diagnosis.verdict import FAR_OFF, IMITATED, MISSING
 from jaxmuscle.effects import (
     CATALOGUE,
     EXTENSION,
-    ChamberLeak,
-    Creep,
     EccentricSprocket,
-    ForceDrift,
-    Gravity,
-    LengthHysteresis,
-    LoadDamping,
-    MuscleMismatch,
     Presliding,
     ThreadFriction,
 )
 from jaxmuscle.estimation.predicted_inputs import TRUSTED
-
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
 going_on = importlib.import_module("jaxmuscle.diagnosis.passes")
@@ -137,40 +125,6 @@ def test_an_eccentric_sprocket_is_a_rival_but_not_sought(monkeypatch):
     asked.clear()
     jm.diagnose(jm.read(jm.sample("lift")))
     assert len(asked) == 4 and not any(EccentricSprocket in catalogue for catalogue, _ in asked)
-
-
-@pytest.mark.slow
-def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatch):
-    monkeypatch.undo()
-    monkeypatch.setattr(module, "CATALOGUE", (MuscleMismatch, Gravity))
-    monkeypatch.setattr(module, "EXTENSION", ())
-    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
-    blind = drawn(100018, "joint", 1, False)
-    assert {*blind.truth} == {"eccentric_sprocket"}
-    found = jm.diagnose(blind.recording, constants=False)
-    assert [effect.name for effect in found.effects] == ["eccentric_sprocket"]
-    true, (sprocket,) = blind.truth["eccentric_sprocket"], found.effects
-    eccentricity = sprocket.parameters["eccentricity"]
-    # The same sprocket with its phase half a turn on has the other sign.
-    assert abs(abs(eccentricity.value) - true["eccentricity"]) < 2 * eccentricity.std
-    assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
-
-
-@pytest.mark.slow
-def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monkeypatch):
-    """A memory of the length was named, with 24 noise units left, where friction builds up over 1 mm."""
-    monkeypatch.undo()
-    monkeypatch.setattr(module, "CATALOGUE", (ChamberLeak, LengthHysteresis))
-    monkeypatch.setattr(module, "EXTENSION", ())
-    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
-    blind = drawn(110209, "isotonic", 2, False)
-    assert {*blind.truth} == {"presliding", "chamber_leak"}
-    found = jm.diagnose(blind.recording, constants=False)
-    assert [effect.name for effect in found.effects] == ["chamber_leak", "presliding"]
-    _, bristles = found.effects
-    distance = bristles.parameters["distance"]
-    assert abs(distance.value - blind.truth["presliding"]["distance"]) < 3 * distance.std
-    assert found.after["held_out"]["position"].in_noise < 5.0
 
 
 @pytest.mark.parametrize(("off", "asks"), [(1.4, True), (TRUSTED + 0.1, False), (None, False)])
@@ -298,45 +252,6 @@ def test_friction_that_builds_up_on_the_card_is_not_tried_again():
     rough: Any = SimpleNamespace(effects=effects, offers=lambda effect: True)
     _, asked = passes(Outcome(9.0, declared=rough), Outcome(9.0))
     assert len(asked) == 2 and asked[1] == (*CATALOGUE, *EXTENSION, "sensor_offset")
-
-
-NAMES = (
-    "thread_friction", "load_friction", "creep", "length_hysteresis", "bladder_stiffness", "chamber_leak",
-    "pressure_dependent_ends", "command_delay", "gravity", "muscle_mismatch", "load_damping",
-)  # fmt: skip
-"""Effects that the recording may have been drawn from."""
-
-
-@pytest.mark.slow
-def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
-    """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
-    monkeypatch.undo()
-    blind = drawn(9, "joint", 1, False, NAMES)
-    assert blind.bristles > 0
-    found = jm.diagnose(blind.recording)
-    assert {effect.name for effect in found.effects} == {"presliding", *blind.truth}
-    values = {name: entry.value for name, entry in found.parameters.items()}
-    for name in ("end_factor", "inertia", "regulator_frequency"):
-        assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
-    assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
-    assert not found.violated_priors
-
-
-@pytest.mark.slow
-def test_a_drift_of_a_joint_is_found_on_whole_windows(monkeypatch):
-    """In quarters of them it has no time to show."""
-    monkeypatch.undo()
-    monkeypatch.setattr(module, "CATALOGUE", (Creep, LoadDamping))
-    monkeypatch.setattr(module, "EXTENSION", (ForceDrift,))
-    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
-    blind = drawn(90005, "joint", 1, False, ["force_drift"])
-    found = jm.diagnose(blind.recording, constants=False)
-    assert [effect.name for effect in found.effects] == ["force_drift"]
-    true, (drift,) = blind.truth["force_drift"], found.effects
-    ratio = drift.parameters["share"].value / drift.parameters["time_constant"].value
-    assert ratio == pytest.approx(true["share"] / true["time_constant"], rel=0.2)
-    assert found.before["held_out"]["angle"].in_noise > 5
-    assert found.after["held_out"]["angle"].in_noise < 2
 
 
 def test_constants_are_tried_where_the_usual_effects_leave_something():

@@ -1,0 +1,105 @@
+"""Passes of a diagnosis on drawn recordings that one pass is not enough for."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+import jaxmuscle as jm
+from jaxmuscle.effects import (
+    ChamberLeak,
+    Creep,
+    DeadVolume,
+    ForceDrift,
+    Gravity,
+    LengthHysteresis,
+    LoadDamping,
+    MuscleMismatch,
+    SupplyDroop,
+)
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
+
+module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
+pytestmark = pytest.mark.slow
+
+
+NAMES = (
+    "thread_friction", "load_friction", "creep", "length_hysteresis", "bladder_stiffness", "chamber_leak",
+    "pressure_dependent_ends", "command_delay", "gravity", "muscle_mismatch", "load_damping",
+)  # fmt: skip
+"""Effects that the recording may have been drawn from."""
+
+
+def sought_among(monkeypatch, usual, rarer=()):
+    """Let diagnoses try these effects alone."""
+    monkeypatch.setattr(module, "CATALOGUE", tuple(usual))
+    monkeypatch.setattr(module, "EXTENSION", tuple(rarer))
+    monkeypatch.setattr(module, "reading_effects", lambda rig: ())
+
+
+def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatch):
+    sought_among(monkeypatch, [MuscleMismatch, Gravity])
+    blind = drawn(100018, "joint", 1, False)
+    assert {*blind.truth} == {"eccentric_sprocket"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["eccentric_sprocket"]
+    true, (sprocket,) = blind.truth["eccentric_sprocket"], found.effects
+    eccentricity = sprocket.parameters["eccentricity"]
+    # The same sprocket with its phase half a turn on has the other sign.
+    assert abs(abs(eccentricity.value) - true["eccentricity"]) < 2 * eccentricity.std
+    assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
+
+
+def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monkeypatch):
+    """A memory of the length was named, with 24 noise units left, where friction builds up over 1 mm."""
+    sought_among(monkeypatch, [ChamberLeak, LengthHysteresis])
+    blind = drawn(110209, "isotonic", 2, False)
+    assert {*blind.truth} == {"presliding", "chamber_leak"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["chamber_leak", "presliding"]
+    _, bristles = found.effects
+    distance = bristles.parameters["distance"]
+    assert abs(distance.value - blind.truth["presliding"]["distance"]) < 3 * distance.std
+    assert found.after["held_out"]["position"].in_noise < 5.0
+
+
+def test_a_rough_bearing_is_found_and_its_joint_fitted():
+    """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
+    blind = drawn(9, "joint", 1, False, NAMES)
+    assert blind.bristles > 0
+    found = jm.diagnose(blind.recording)
+    assert {effect.name for effect in found.effects} == {"presliding", *blind.truth}
+    values = {name: entry.value for name, entry in found.parameters.items()}
+    for name in ("end_factor", "inertia", "regulator_frequency"):
+        assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
+    assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
+    assert not found.violated_priors
+
+
+def test_a_drift_of_a_joint_is_found_on_whole_windows(monkeypatch):
+    """In quarters of them it has no time to show."""
+    sought_among(monkeypatch, [Creep, LoadDamping], [ForceDrift])
+    blind = drawn(90005, "joint", 1, False, ["force_drift"])
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["force_drift"]
+    true, (drift,) = blind.truth["force_drift"], found.effects
+    ratio = drift.parameters["share"].value / drift.parameters["time_constant"].value
+    assert ratio == pytest.approx(true["share"] / true["time_constant"], rel=0.2)
+    assert found.before["held_out"]["angle"].in_noise > 5
+    assert found.after["held_out"]["angle"].in_noise < 2
+
+
+def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(monkeypatch):
+    """Readings, given the others, leave only noise; predictions from the command are far off."""
+    sought_among(monkeypatch, [ChamberLeak], [SupplyDroop, DeadVolume])
+    blind = drawn(110281, "isotonic", 1, False)
+    assert {*blind.truth} == {"supply_droop"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["supply_droop"]
+    (droop,) = found.effects
+    resistance = droop.parameters["resistance"]
+    assert abs(resistance.value - blind.truth["supply_droop"]["resistance"]) < 2 * resistance.std
+    assert found.after["held_out"]["position"].in_noise < 2.0 < found.before["held_out"]["position"].in_noise
