@@ -35,9 +35,9 @@ class CandidateModels:
         declared: paths of the parameters that the card calls uncertain.
         priors: path → prior of the declared ones; those of the shapes of effects are added to them.
         constants: constants of the card that may be wrong; they are candidates too.
-        refinements: names of candidates that change how friction builds up; they wait until some is found
-            and much is left all the same, or another effect is found beside friction, against which they are
-            tried.
+        refinements: names of candidates that change how friction builds up; they wait until an effect is
+            found that is friction or stands beside some, against which they are tried, and beside which if
+            much is left.
         rivals: names of candidates that are tried only against one that was found.
     """
 
@@ -52,14 +52,12 @@ class CandidateModels:
     def sought(self, accepted: Sequence[str], much_is_left: bool) -> list[type[AbstractEffect]]:
         """Candidates that may be added to a model that has `accepted`.
 
-        Refinements are among them only where dry friction was found and much is left: every guide has a
-        little of them, and that is no finding.
+        Refinements are among them only beside something that was found, where much is left: every guide has
+        a little of them, and that is no finding.
         """
-        found = {effect for effect in self.candidates if effect.name in accepted}
-        rubs = any(issubclass(effect, AbstractFrictionEffect) for effect in found)
-        refines = rubs and much_is_left
-        waiting = {*self.rivals, *(() if refines else self.refinements)}
-        return [e for e in self.candidates if e not in found and e.name not in waiting]
+        refines = self.refining(accepted) if accepted and much_is_left else []
+        waiting = {*self.rivals, *self.refinements} - {effect.name for effect in refines}
+        return [e for e in self.candidates if e.name not in accepted and e.name not in waiting]
 
     def refining(self, accepted: Sequence[str]) -> list[type[AbstractEffect]]:
         """Refinements of a dry friction that is declared, or among what was `accepted`."""

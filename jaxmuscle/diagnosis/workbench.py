@@ -348,8 +348,8 @@ def workbench(
     checkpoint: Checkpoint = NOTHING_KEPT,
     predicting: bool = False,
 ) -> Workbench:
-    """The workbench of a case, for candidates, refinements that wait until friction was found, and rivals
-    that wait until an effect was.
+    """The workbench of a case, for candidates, and for refinements and rivals that wait until something was
+    found.
     """
     candidates = [*candidates, *refinements, *rivals]
     priors, width = case.priors, len(case.priors) + SPARE

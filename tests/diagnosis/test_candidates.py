@@ -255,6 +255,18 @@ def test_what_refines_friction_is_a_rival_beside_a_declared_or_found_one(prepare
     assert declared.sought([], True) == tools.sought([], True)
 
 
+def test_what_refines_a_declared_friction_is_sought_beside_what_was_found(prepared):
+    """The ends of a rough joint's muscles left 4.7 noise units, with bristles 1.0 (blind joint 110218)."""
+    kinds = [effects.BladderStiffness, effects.Creep]
+    tools = workbench(prepared, kinds, refinements=[effects.Presliding])
+    rough = dataclasses.replace(
+        tools, model=prepared.actuator.with_effects(thread_friction=effects.ThreadFriction())
+    )
+    assert rough.sought(["bladder_stiffness"], True) == [effects.Creep, effects.Presliding]
+    assert rough.sought(["bladder_stiffness"], False) == [effects.Creep]
+    assert tools.sought(["bladder_stiffness"], True) == [effects.Creep]
+
+
 def test_constants_alone_are_tried_in_a_small_structure(prepared):
     constants = card_constants(prepared)
     tools = workbench(prepared, [effects.ThreadFriction, effects.Creep], constants=constants)

@@ -15,7 +15,7 @@ from jaxmuscle.diagnosis.passes import (
     _predicts_inputs,
     in_passes,
 )
-from jaxmuscle.diagnosis.verdict import FAR_OFF, IMITATED, MISSING
+from jaxmuscle.diagnosis.verdict import EXPLAINED, FAR_OFF, IMITATED, MISSING
 from jaxmuscle.effects import (
     CATALOGUE,
     EXTENSION,
@@ -189,9 +189,21 @@ def test_all_are_tried_where_a_wrong_constant_leaves_a_part():
     part = Outcome(2.9, ("constant:supply",), share_left=0.5)
     found, asked = passes(usual, part, Outcome(0.2, ("supply_droop",)), constants=True)
     assert found.added == ("supply_droop",) and len(asked) == 3
-    for enough in ({"share_left": 0.1}, {"missing_in_noise": MISSING}):
-        found, asked = passes(usual, dataclasses.replace(part, **enough), constants=True)
-        assert found.added == ("constant:supply",) and len(asked) == 2
+    enough = dataclasses.replace(part, share_left=EXPLAINED)
+    found, asked = passes(usual, enough, constants=True)
+    assert found.added == ("constant:supply",) and len(asked) == 2
+
+
+def test_all_are_tried_where_a_constant_leaves_a_part_of_little():
+    """A gain of the current left 0.36 of a jet pipe's dead band, 1.8 noise units."""
+    usual = Outcome(4.5)
+    gain = Outcome(1.8, ("constant:current_gain",), share_left=EXPLAINED + 0.06)
+    found, asked = passes(usual, gain, Outcome(0.7, ("dead_band",)), constants=True)
+    assert found.added == ("dead_band",) and len(asked) == 3
+    found, asked = passes(usual, gain, Outcome(1.8 * LESS, ("dead_band",)), constants=True)
+    assert found.added == ("constant:current_gain",) and len(asked) == 3
+    of_effect = dataclasses.replace(gain, names=("load_damping",))
+    assert len(passes(of_effect)[1]) == 1
 
 
 def test_all_are_tried_where_something_is_left():
@@ -255,7 +267,8 @@ def test_friction_that_builds_up_on_the_card_is_not_tried_again():
 
 
 def test_constants_are_tried_where_the_usual_effects_leave_something():
-    found, asked = passes(Outcome(9.0, ("creep",)), Outcome(0.2, ("constant:mass",)), constants=True)
+    mass = Outcome(0.2, ("constant:mass",), share_left=0.0)
+    found, asked = passes(Outcome(9.0, ("creep",)), mass, constants=True)
     assert found.added == ("constant:mass",)
     assert asked == [CATALOGUE, ("constants", CATALOGUE)]
     found, asked = passes(Outcome(0.9, ("creep",)), constants=True)
@@ -269,7 +282,8 @@ RADIUS: Any = {"initial_radius": 17.0}
 
 def test_constants_are_tried_where_a_value_ran_from_the_card():
     bent = Outcome(0.3, violated_priors=RADIUS)
-    found, asked = passes(bent, Outcome(0.3, ("constant:braid_angle",)), constants=True)
+    angle = Outcome(0.3, ("constant:braid_angle",), share_left=0.0)
+    found, asked = passes(bent, angle, constants=True)
     assert found.added == ("constant:braid_angle",) and asked == [CATALOGUE, ("constants", CATALOGUE)]
     still_bent = Outcome(0.3, ("constant:mass",), violated_priors=RADIUS)
     assert passes(bent, still_bent, constants=True)[0].added == ()

@@ -10,6 +10,7 @@ import pytest
 from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
+    MISSING,
     confirmed,
     doubted,
     far_off,
@@ -174,6 +175,15 @@ def test_share_that_is_left_is_that_of_the_typical_residual():
     assert share_left({"angle": 16.0 * flat}, {"angle": 16.0 * flat}) == 1.0
     assert share_left({"angle": 16.0 * flat}, {"angle": 25.0 * flat}) > 1.0
     assert share_left({"angle": 1.2 * flat}, {"angle": 1.1 * flat}) == 0.0
+
+
+def test_noise_of_another_reading_is_no_share_that_is_left():
+    """Coloured pressures of a joint, as much again as their sensors' noise, stay what they were."""
+    angle, pressure = np.full(20, 16.0**2), np.full(20, 2.4)
+    before = {"angle": angle, "pressure_1": pressure}
+    assert share_left(before, {"angle": angle / 64, "pressure_1": pressure}) == pytest.approx(0.11, abs=0.02)
+    worse = {"angle": angle / 64, "pressure_1": np.full(20, (MISSING + 1) ** 2)}
+    assert share_left(before, worse) > 1
 
 
 def test_one_bad_window_says_nothing_of_the_share():

@@ -116,6 +116,22 @@ def test_standard_deviations_and_coverage_of_coloured_noise(rho, kind):
     np.testing.assert_allclose(np.mean(ratios, axis=0), 1.0, atol=0.12)
 
 
+def test_slow_noise_beside_white_noise_is_seen():
+    """200 of 2000 readings remembered, as much again of white noise: no autoregression of low order."""
+    rows, rho, draws = 2000, np.exp(-1 / 200), 20
+    time = np.linspace(-0.5, 0.5, rows)
+    slopes = np.stack([np.ones(rows), time])
+    inverse = np.linalg.inv(slopes @ slopes.T)
+    true = inverse @ (slopes @ toeplitz(np.eye(1, rows)[0] + rho ** np.arange(rows)) @ slopes.T) @ inverse
+    ratios = []
+    for seed in range(draws):
+        values = remembering(rho, seed, rows) + np.random.default_rng(1000 + seed).normal(size=rows)
+        values -= inverse @ (slopes @ values) @ slopes
+        found = inverse @ coloured_meat(slopes, values, np.ones(rows, bool)) @ inverse
+        ratios.append(np.sqrt(np.diag(found) / np.diag(true)))
+    assert (np.mean(ratios, axis=0) > 0.6).all()
+
+
 def test_what_many_series_share_is_given_back_once():
     """Twelve series of one fit: by the inverse of all, little is taken from each."""
     ratios = []
