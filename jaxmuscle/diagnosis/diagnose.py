@@ -29,7 +29,7 @@ from jaxmuscle.diagnosis.ranking import (
 )
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.workbench import workbench
-from jaxmuscle.effects import CATALOGUE, EXTENSION, EccentricSprocket, Presliding, reading_effects
+from jaxmuscle.effects import CATALOGUE, EXTENSION, ONLY_RIVALS, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case, case, check_held_out, check_parts
 from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
@@ -41,11 +41,6 @@ from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.spans import ends_of_members
-
-RARE = (EccentricSprocket,)
-"""Effects that are sought only as rivals of the first one found. A sprocket beside its centre moves a joint
-much as two unlike muscles do: blind joint 100018 was named so, with 3.7 noise units left that a sprocket does
-not leave; at a true mismatch (100086) it removes 0.71 of the excess error, too little to be fitted."""
 
 HELD_OUT = 0.3
 """Fraction of a recording, at its end, that is kept for reporting where nothing else is asked for."""
@@ -138,7 +133,7 @@ def diagnose(
                 assert found is not None
                 return found
             rarer = (*EXTENSION, *reading_effects(kinds[0]))
-            seek = partial(seek, refinements=(Presliding,), rivals=(*rarer, *RARE))
+            seek = partial(seek, refinements=(Presliding,), rivals=(*rarer, *ONLY_RIVALS))
             return in_passes(seek, chosen, rarer, constants)
 
         return interruptible(work, meter.stop)

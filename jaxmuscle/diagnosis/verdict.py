@@ -102,8 +102,12 @@ def typical_errors(training: Squares) -> dict[str, float]:
     Args:
         training: column → m, mean square error of each window, predicted from the command alone.
     """
-    means = {column: np.log1p(each).mean() if len(each) else 0.0 for column, each in training.items()}
-    return {column: math.sqrt(math.expm1(mean)) for column, mean in means.items()}
+    return {column: math.sqrt(typical_square(each)) for column, each in training.items()}
+
+
+def typical_square(squares: Float[np.ndarray, " windows"]) -> float:
+    r"""Mean square of a typical window, :math:`\exp\overline{\ln(1 + m)} - 1`; 0 of none."""
+    return math.expm1(np.log1p(squares).mean()) if len(squares) else 0.0
 
 
 def doubted(
@@ -177,9 +181,9 @@ def confirmed(before: Errors, after: Errors) -> bool:
 def share_left(before: Squares, after: Squares) -> float:
     r"""Typical size of what is missing with what was added, over that without it; of the worst column.
 
-    The typical excess of a window is :math:`\exp\overline{\ln(1 + m)} - 2`, m its mean square residual in
-    units of the noise, over the windows in which either model misses: one window that calls for
-    extrapolation, or begins in the middle of a jerk, decides no more than another. Its root is a size.
+    The typical excess of a window is its mean square in units of the noise (:func:`typical_square`), less
+    one, over the windows in which either model misses: one window that calls for extrapolation, or begins in
+    the middle of a jerk, decides no more than another. Its root is a size.
     Columns count in which that is more than :data:`MISSING` with either model: an error of a sensor as large
     again as its noise, in a pressure of which nothing is missing, is left by every effect of the muscle.
 
@@ -191,7 +195,7 @@ def share_left(before: Squares, after: Squares) -> float:
         pair = np.stack([squares, after[column]])
         telling = pair[:, pair.max(axis=0) > math.expm1(TELLING)]
         if telling.shape[1]:
-            old, new = np.maximum(np.exp(np.log1p(telling).mean(axis=1)) - 2, 0.0)
+            old, new = (max(typical_square(each) - 1, 0.0) for each in telling)
             if max(old, new) > MISSING**2:
                 shares.append(math.sqrt(new / old) if old > 0 else 1.0)
     return max(shares)

@@ -84,6 +84,12 @@ DECLARABLE: tuple[type[AbstractEffect], ...] = (
 recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness). Presliding is tried
 without being named too, where the usual effects leave something and the card declares dry friction."""
 
+ONLY_RIVALS: tuple[type[AbstractEffect], ...] = (EccentricSprocket,)
+"""Those of them that a diagnosis tries as rivals of the first effect that it finds. A sprocket beside its
+centre moves a joint much as two unlike muscles do: blind joint 100018 was named so, with 3.7 noise units left
+that a sprocket does not leave; at a true mismatch (100086) it removes 0.71 of the excess error, too little to
+be fitted."""
+
 FURTHER = (*EXTENSION, *DECLARABLE)
 """All effects beside those of the catalogue."""
 
@@ -100,6 +106,7 @@ __all__ = [
     "DECLARABLE",
     "EXTENSION",
     "FURTHER",
+    "ONLY_RIVALS",
     "AbstractEffect",
     "AbstractMemoryEffect",
     "AbstractRateEffect",
