@@ -77,9 +77,13 @@ class Evidence:
         enough = self.gain >= LEAST_GAIN[self.test] or self.fall >= HALVED
         return enough and self.p_value <= LARGEST_P[self.test] / 2**found
 
-    def too_few_stretches(self, found: int) -> bool:
-        """Whether fewer than :data:`OUTCOMES` outcomes of the sign-flip test could support an effect."""
-        return OUTCOMES * 0.5**self.stretches > LARGEST_P[SIGN_FLIPS] / 2**found
+    def too_few_stretches(self, found: int, times: int = 1) -> bool:
+        """Whether fewer than :data:`OUTCOMES` outcomes of the sign-flip test could support an effect.
+
+        Args:
+            times: what its p-value is multiplied by, as so many others were tried.
+        """
+        return OUTCOMES * times * 0.5**self.stretches > LARGEST_P[SIGN_FLIPS] / 2**found
 
 
 def block_losses(

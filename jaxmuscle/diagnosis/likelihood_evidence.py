@@ -24,6 +24,7 @@ def by_likelihood(
     evidence: Sequence[Evidence],
     tried: int,
     found: int,
+    times: int = 1,
 ) -> list[Evidence]:
     """The evidence, with the p-value of a likelihood ratio where too few stretches tell the models apart.
 
@@ -31,13 +32,14 @@ def by_likelihood(
         promising: candidates and models with them, fitted to everything.
         tried: candidates that were searched, which the p-value allows for (Bonferroni).
         found: effects that were found before the last one of these; evidence has to be enough after so many.
+        times: what p-values of sign flips are multiplied by.
     """
     starts = (model, bench.with_card_values(model))
     present = bench.best_fit(starts, accepted, problem, STEPS).model
     before = bench.residuals(present, problem)
     judged = []
     for (effects, larger), told in zip(promising, evidence, strict=True):
-        if told.too_few_stretches(found):
+        if told.too_few_stretches(found, times):
             after = bench.residuals(larger.model, problem)
             parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
             p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)

@@ -227,9 +227,9 @@ def _judged(
         return None
     (told,) = compare(without, [both], folds.stretch)
     before = len(accepted) + 1
-    if told.too_few_stretches(before):
+    if told.too_few_stretches(before, tried):
         pair = [(effects, found)]
-        (told,) = by_likelihood(bench, model, accepted, problem, pair, [told], tried, before)
+        (told,) = by_likelihood(bench, model, accepted, problem, pair, [told], tried, before, tried)
     else:
         # The flips that are drawn tell no p-value so small that it could be multiplied by dozens of pairs.
         p_value = min(told.p_value, sign_flip_bound(without, both, folds.stretch))

@@ -30,7 +30,9 @@ def in_passes(
     predicted, if the model knows them: among the same effects; with dry friction that builds up over a
     distance before any of them, where there is such friction; with constants of the card beside them, also
     where a value ran from the card instead; then among all; and among all on whole windows, where what drifts
-    has time to show.
+    has time to show. Where there is dry friction its bristles are among all, even if they were not supported
+    before any other: play and bristles hide one another, and only together explain anything (joint 121022 of
+    `blind_recordings.drawn`).
 
     What is left on the training data decides, everywhere: held-out data have no say.
 
@@ -47,16 +49,16 @@ def in_passes(
         seek = partial(seek, predicting=True)
         again = seek(usual)
         best = again if again and _better(again, best) else best
-    if _leaves_something(best) and _has_dry_friction(best.declared):
-        rough = seek((*usual, Presliding), Presliding)
+    bristles = (Presliding,) if _has_dry_friction(best.declared) else ()
+    if bristles and _leaves_something(best):
+        rough = seek((*usual, *bristles), Presliding)
         if rough and _better(rough, best):
             best, first = rough, Presliding
-    own = (Presliding,) if first else ()
     if constants and (_leaves_something(best) or best.violated_priors):
-        fallible = seek((*usual, *own), first, constants=True)
+        fallible = seek((*usual, *(bristles if first else ())), first, constants=True)
         if fallible and (_better(fallible, best) or _agrees_with_card(fallible, best)):
             best = fallible
-    every = (*usual, *rarer, *own)
+    every = (*usual, *rarer, *bristles)
     for whole in (False, True):
         if _leaves_something(best):
             last = seek(every, first, whole=whole)

@@ -223,6 +223,11 @@ def test_stretches_that_are_too_few_for_any_outcome():
     assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(1) for n in (10, 11)] == [True, False]
 
 
+def test_more_stretches_are_needed_where_a_p_value_is_multiplied():
+    """By the 64 pairs that were tried, say: six stretches more."""
+    assert [Evidence(0.5, 0.1, 1.0, n).too_few_stretches(0, 64) for n in (15, 16)] == [True, False]
+
+
 def test_halving_a_large_error_is_enough_whatever_part_of_its_logarithm_that_is():
     """From 100 to 50 noise units the loss, a logarithm of a square, falls by 0.15 of itself only."""
     before, after = (np.full((1, 20), np.log1p(size**2)) for size in (100.0, 49.0))

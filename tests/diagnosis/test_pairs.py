@@ -84,6 +84,8 @@ def test_ten_stretches_are_enough_for_a_first_effect_but_not_for_a_pair(monkeypa
     )
     assert first == told
     assert second.test == LIKELIHOOD_RATIO and second.p_value == pytest.approx(12e-6)
+    (of_dozens,) = by_likelihood(bench, anything, [], anything, [pair], [told], 12, 0, 12)
+    assert of_dozens == second
 
 
 def test_a_pair_has_to_do_better_than_either_of_its_effects():

@@ -252,11 +252,22 @@ def test_all_are_tried_beside_friction_that_builds_up():
     assert asked == [CATALOGUE, ROUGH, (Presliding, every)]
 
 
-def test_all_are_tried_without_it_where_it_does_not_help():
-    outcomes = Outcome(9.0, declared=DRY), Outcome(8.9, ("presliding",), declared=DRY), Outcome(8.0)
+def test_it_is_among_all_where_it_does_not_help_alone():
+    """Play and bristles hide one another."""
+    outcomes = (
+        Outcome(9.0, declared=DRY),
+        Outcome(8.9, ("presliding",), declared=DRY),
+        Outcome(0.7, ("backlash", "presliding"), declared=DRY),
+    )
     found, asked = passes(*outcomes)
-    assert found.added == ()
-    assert asked == [CATALOGUE, ROUGH, (*CATALOGUE, *EXTENSION, "sensor_offset")]
+    assert found.added == ("backlash", "presliding")
+    assert asked == [CATALOGUE, ROUGH, (*CATALOGUE, *EXTENSION, "sensor_offset", Presliding)]
+
+
+def test_constants_are_tried_without_it_where_it_does_not_help_alone():
+    outcomes = [Outcome(9.0, declared=DRY) for _ in range(4)]
+    _, asked = passes(*outcomes, constants=True)
+    assert asked[1:3] == [ROUGH, ("constants", CATALOGUE)]
 
 
 def test_friction_that_builds_up_on_the_card_is_not_tried_again():
