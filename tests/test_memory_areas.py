@@ -11,6 +11,7 @@ from jaxmuscle import _memory_areas
 from jaxmuscle._memory_areas import AREAS, MOST, make_room_for_programs
 from jaxmuscle.diagnosis import diagnose
 from jaxmuscle.estimation import fit
+from jaxmuscle.tuning import optimal_reference, tune
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts areas of memory")
 
@@ -51,16 +52,26 @@ def test_a_system_that_does_not_tell_is_left_alone(monkeypatch, tmp_path, file):
     assert not make_room_for_programs()
 
 
-@pytest.mark.parametrize("module", [diagnose, fit])
-def test_diagnoses_and_fits_ask_for_room_first(monkeypatch, module):
+def lift():
+    return jm.read(jm.sample("lift"))
+
+
+GIVEN = {
+    diagnose: lambda: [lift()],
+    fit: lambda: [jm.actuator(lift().card), lift()],
+    tune: lambda: [jm.actuator(lift().card), None, [], {}],
+    optimal_reference: lambda: [jm.actuator(lift().card), None, [], {}],
+}
+
+
+@pytest.mark.parametrize("function", GIVEN)
+def test_long_computations_ask_for_room_first(monkeypatch, function):
     class Asked(Exception):
         """Instead of all that follows."""
 
     def ask():
         raise Asked
 
-    monkeypatch.setattr(sys.modules[module.__module__], "make_room_for_programs", ask)
-    recording = jm.read(jm.sample("lift"))
-    given = (recording,) if module is diagnose else (jm.actuator(recording.card), recording)
+    monkeypatch.setattr(sys.modules[function.__module__], "make_room_for_programs", ask)
     with pytest.raises(Asked):
-        module(*given)
+        function(*GIVEN[function]())
