@@ -24,7 +24,7 @@ from jaxmuscle.diagnosis.ranking import (
     told_apart,
     unseen_loss,
 )
-from jaxmuscle.diagnosis.rivals import rivals
+from jaxmuscle.diagnosis.rivals import does_better, rivals
 from jaxmuscle.diagnosis.sequential_replacement import replacements
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED
 from jaxmuscle.diagnosis.workbench import Workbench
@@ -158,7 +158,7 @@ class ForwardSelection:
         self, ranking: Ranking, best: Candidate, sought: Sequence[type[AbstractEffect]]
     ) -> Ranking:
         """The ranking with those that wait and may explain as much as the best one; first it stays, unless
-        one of them predicts unseen windows significantly better.
+        one of them does better (:func:`~jaxmuscle.diagnosis.rivals.does_better`).
 
         Args:
             sought: the effects of which that is the ranking.
@@ -173,8 +173,8 @@ class ForwardSelection:
         better = [
             each
             for each in rarer.candidates
-            if each.judged and each is not same and told_apart(same, each, rarer.stretch)
-            if each.evidence.supports(len(self.found))
+            if each.judged and each is not same and each.evidence.supports(len(self.found))
+            if does_better(bench, self.names, each, same, self.training, rarer.stretch)
         ]
         first = min(better, key=unseen_loss, default=same)
         rest = [*(each for each in rarer.candidates if each is not same), same, *ranking.candidates]

@@ -1,5 +1,5 @@
-"""Likelihood-ratio test of a candidate, for recordings in which too little moves for a test on unseen
-windows.
+"""Likelihood ratio of two models: a test of a candidate, for recordings in which too little moves for a test
+on unseen windows, and which of two candidates that such a test does not tell apart is the likelier.
 
 Where a joint is moved twice and then rests, two stretches tell models apart. No test that flips signs can
 then go below p = 1/4, however clearly one model is right: it does not use how large the errors are.
@@ -43,18 +43,52 @@ def likelihood_ratio_test(before: Residuals, after: Residuals, weights: Residual
     """
     fall = 0.0
     for small, large, there in _columns(before, after, weights):
-        count = int(there.sum())
-        if count:
-            mean = float((large[there] ** 2).mean())
-            size = max(mean, 1.0) * memory(np.where(there, large, 0.0), there).time
-            fall += float((small[there] ** 2 - large[there] ** 2).sum()) / size
+        fall += _fall(small, large, there) / (_mean_square(large, there) * _memory(large, there))
     return max(float(chi2.sf(fall, parameters)), SMALLEST) if fall > 0 else 1.0
 
 
+def more_likely(one: Residuals, other: Residuals, weights: Residuals, parameters: int) -> float:
+    r"""Twice the logarithm of the odds that the other model is the true one of two, about.
+
+    :math:`\sum_c (S_c - S'_c) / (σ_c^2 τ_c) - k \ln n` (Schwarz, Ann. Stat. 6, 1978), as in
+    :func:`likelihood_ratio_test` but of models that need not be nested: σ² and τ are those of the model that
+    leaves more, so that neither is favoured; n: independent readings.
+
+    Args:
+        one, other: weighted residuals of each output, (windows, samples) or with a muscle each.
+        weights: positive where a reading counts.
+        parameters: k, how many the other model has more.
+    """
+    fall, independent = 0.0, 0.0
+    for small, large, there in _columns(one, other, weights):
+        time = max(_memory(each, there) for each in (small, large))
+        size = max(_mean_square(each, there) for each in (small, large))
+        fall += _fall(small, large, there) / (size * time)
+        independent += there.sum() / time
+    return fall - parameters * float(np.log(max(independent, 1.0)))
+
+
+def _fall(small: Line, large: Line, there: Counts) -> float:
+    """By how much the second sum of squares is less."""
+    return float((small[there] ** 2 - large[there] ** 2).sum())
+
+
+def _mean_square(line: Line, there: Counts) -> float:
+    """1 where it is less: noise smaller than the sensor's is not believed."""
+    return max(float((line[there] ** 2).mean()), 1.0)
+
+
+def _memory(line: Line, there: Counts) -> float:
+    """Autocorrelation time, in readings."""
+    return memory(np.where(there, line, 0.0), there).time
+
+
 def _columns(before: Residuals, after: Residuals, weights: Residuals) -> Iterator[tuple[Line, Line, Counts]]:
-    """Residuals before and after and what counts, one column of one output after the other."""
+    """Residuals before and after and what counts, one column of one output after the other; of those with
+    any that counts.
+    """
     for output, weight in weights.items():
         there = np.asarray(weight) > 0
         shape = (there.shape[0] * there.shape[1], -1)
         lines = (np.asarray(each).reshape(shape).T for each in (before[output], after[output], there))
-        yield from zip(*lines, strict=True)
+        yield from (each for each in zip(*lines, strict=True) if each[2].any())

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
+from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test, more_likely
 
 WINDOWS, SAMPLES = 12, 250
 
@@ -62,3 +62,27 @@ def test_rows_that_do_not_count_and_columns_without_any():
 def test_a_larger_model_that_fits_worse_shows_nothing():
     zero, one = shaped(np.zeros(WINDOWS * SAMPLES)), shaped(np.ones(WINDOWS * SAMPLES))
     assert likelihood_ratio_test(zero, one, one, 1) == 1.0
+
+
+def odds(rng, true, correlation=0.0):
+    """Of a cosine for a sine of the same frequency, where the first or the second is there."""
+    time = np.linspace(0, 20, WINDOWS * SAMPLES)
+    both = np.sin(2 * time), np.cos(2 * time)
+    white = np.sqrt(1 - correlation**2) * rng.normal(size=len(time))
+    values = 0.3 * both[true] + np.asarray(lfilter([1.0], [1.0, -correlation], white))
+    left = [shaped(fitted(values, each[None])) for each in both]
+    return more_likely(*left, shaped(np.ones(len(time))), 0)
+
+
+def test_the_true_one_of_two_models_is_the_likelier_one():
+    for true, sign in ((0, -1), (1, 1)):
+        rng = np.random.default_rng(4)
+        assert min(sign * odds(rng, true) for _ in range(20)) > 10
+        assert min(sign * odds(rng, true, correlation=0.9) for _ in range(20)) > -10
+
+
+def test_parameters_more_have_to_be_worth_it():
+    count = WINDOWS * SAMPLES
+    left, there = shaped(np.random.default_rng(6).normal(size=count)), shaped(np.ones(count))
+    assert more_likely(left, left, there, 0) == 0.0
+    assert more_likely(left, left, there, 2) == pytest.approx(-2 * np.log(count), rel=0.05)

@@ -18,6 +18,7 @@ from jaxmuscle.estimation.case import case
 from jaxmuscle.progress import Meter
 
 module = importlib.import_module("jaxmuscle.diagnosis.forward_selection")
+rivals_module = importlib.import_module("jaxmuscle.diagnosis.rivals")
 OFFSET, DRIFT = (reading_effect(kind, "force") for kind in ("sensor_offset", "sensor_drift"))
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.08, "velocity_constant": 0.15}
 
@@ -60,22 +61,25 @@ def candidate(effect, losses, gain=0.9):
     return Candidate((effect,), Evidence(gain, 1e-4, float(losses.mean())), losses, MODEL, (MODEL,))
 
 
-def after_rivals(monkeypatch, first_losses, rival_losses, *, explains=True, before=()):
+def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, explains=True, before=()):
     """The candidates, best first, after what waits was tried against the one that was found: a rarer effect,
-    or, after others that were found `before`, what refines a friction.
+    or, after others that were found `before`, what refines a friction. `likelier`: by how much it is.
     """
     first, rival = candidate(FIRST, first_losses), candidate(RARER, rival_losses)
     of = lambda *each: Ranking(5.0, (), each, 1)  # noqa: E731
     monkeypatch.setattr(module, "rivals", lambda *of_model: [RARER])
     monkeypatch.setattr(module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
+    monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
+    monkeypatch.setattr(rivals_module, "more_likely", lambda *residuals: likelier)
     bench: Any = SimpleNamespace(
         rivals=("sensor_offset_force",),
         refining=lambda names: [RARER],
-        settled=lambda *of_model: None,
+        settled=lambda *of_model: SimpleNamespace(model=MODEL),
+        residuals=lambda *of_model: {},
         sought=lambda names, much_is_left: [FIRST, OTHER],
         least_mean_squares=lambda model, parts: {"force": 50.0 if model is MODEL and not explains else 1.0},
     )
-    anything: Any = None
+    anything: Any = SimpleNamespace(weights={})
     selection = ForwardSelection(bench, anything, anything, anything, anything, anything, True)
     selection.found = [*before]
     return [
@@ -88,6 +92,13 @@ def test_the_effect_that_was_found_stays_unless_a_rarer_one_is_clearly_better(mo
     assert after_rivals(monkeypatch, LOSSES, LOSSES - 1e-9) == [FIRST, RARER]
     assert after_rivals(monkeypatch, better, LOSSES) == [FIRST, RARER]
     assert after_rivals(monkeypatch, LOSSES, better) == [RARER, FIRST]
+
+
+def test_of_two_that_unseen_windows_do_not_tell_apart_the_likelier_one_is_first(monkeypatch):
+    for likelier, first in ((5.9, FIRST), (6.1, RARER)):
+        assert after_rivals(monkeypatch, LOSSES, LOSSES - 1e-9, likelier=likelier)[0] is first
+    better = LOSSES - 0.5
+    assert after_rivals(monkeypatch, better, LOSSES, likelier=1e3) == [FIRST, RARER]
 
 
 def test_no_rarer_effect_is_tried_beside_one_that_leaves_a_part(monkeypatch):
