@@ -11,8 +11,10 @@ from jaxtyping import Float
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.card_constants import CardConstant, constant_path
 from jaxmuscle.diagnosis.variable_projection import basis_of, outside_span
+from jaxmuscle.effects import Presliding
 from jaxmuscle.effects.base import (
     AbstractEffect,
+    AbstractFrictionEffect,
     AbstractMemoryEffect,
     AbstractRateEffect,
     strengths_of,
@@ -43,6 +45,11 @@ def carries_state(sought: Sought) -> bool:
     if isinstance(sought, CardConstant):
         return False
     return issubclass(sought, AbstractRateEffect | AbstractMemoryEffect)
+
+
+def is_dry_friction(sought: Sought) -> bool:
+    """Whether a candidate is a law of dry friction, or how that builds up over a distance."""
+    return not isinstance(sought, CardConstant) and issubclass(sought, AbstractFrictionEffect | Presliding)
 
 
 def signal_of(sought: Sought) -> str:

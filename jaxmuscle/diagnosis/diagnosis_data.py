@@ -96,7 +96,7 @@ class Round:
     """One search: the loss of the model without any candidate, all best first, and which was added.
 
     `beside`: where candidates were tried once more for a place that one of them had, the effects that were
-    added after it and are in the model.
+    added after it and are in the model. If none was added then, that one was taken out again.
     """
 
     loss: float

@@ -8,11 +8,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.diagnosis.candidates import signal_of
+from jaxmuscle.diagnosis.candidates import is_dry_friction
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
-from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
+from jaxmuscle.diagnosis.diagnosis_data import Round
 from jaxmuscle.diagnosis.folds import STEPS
 from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import (
@@ -21,12 +21,12 @@ from jaxmuscle.diagnosis.ranking import (
     Candidate,
     Ranking,
     rank,
-    told_apart,
     unseen_loss,
 )
 from jaxmuscle.diagnosis.rivals import does_better, rivals
-from jaxmuscle.diagnosis.sequential_replacement import replacements
-from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED
+from jaxmuscle.diagnosis.search_rounds import round_of
+from jaxmuscle.diagnosis.sequential_replacement import replacements, still_needed
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED, within_form_of_friction
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
@@ -56,8 +56,10 @@ class ForwardSelection:
         model: as found so far, fitted to `training`; `converged`: whether that fit was.
         found: what was added, effect by effect; `rounds`: the searches; `folds`: fits of the last one.
         given: how many of `found` the search among all candidates began with.
+        at_first: mean square of what the declared model leaves over whole windows, of the worst output.
         before: the model and the ranking of the last search that added something.
         rankings: effect that was added alone → ranking of the search that added it.
+        removed: effects that were taken out again, once each.
     """
 
     bench: Workbench
@@ -73,6 +75,8 @@ class ForwardSelection:
     before: tuple[AbstractActuator, Ranking] | None = None
     rankings: dict[str, Ranking] = dataclasses.field(default_factory=dict)
     given: int = 0
+    at_first: float = 1.0
+    removed: set[str] = dataclasses.field(default_factory=set)
 
     @property
     def names(self) -> list[str]:
@@ -93,10 +97,17 @@ class ForwardSelection:
         while len(self.found) < most:
             left = max(self.bench.mean_squares(self.model, self.training).values())
             much = left > 1 + MUCH**2
-            quiet = left < NOTHING_LEFT and not self._contradicts_the_card()
+            quiet = left < NOTHING_LEFT or self._may_be_form_of_friction(left)
+            quiet = quiet and not self._contradicts_the_card()
             if quiet or not (self._single(much) or (much and self._pair())):
                 break
             self._replace_earlier()
+            self._remove_unneeded()
+
+    def _may_be_form_of_friction(self, left: float) -> bool:
+        """Whether dry friction was found and leaves so little that its law may be the cause."""
+        friction = any(is_dry_friction(effect) for candidate in self.found for effect in candidate.effects)
+        return friction and within_form_of_friction(left, self.at_first)
 
     def _contradicts_the_card(self) -> bool:
         """Whether a value has run far from the card's: it may make up for what is missing."""
@@ -109,7 +120,7 @@ class ForwardSelection:
         best = ranking.supported(0)
         if best is None:
             return False
-        self.rounds.append(_round(ranking, best))
+        self.rounds.append(round_of(ranking, best))
         self._add(best)
         self.given = 1
         self.ready = compiling(self.bench, self.parts)
@@ -129,7 +140,7 @@ class ForwardSelection:
         if best is not None:
             ranking = self._against_rivals(ranking, best, effects)
             best = ranking.candidates[0]
-        self.rounds.append(_round(ranking, best))
+        self.rounds.append(round_of(ranking, best))
         if best is not None or len(self.found) == self.given:
             self.before = self.model, ranking
         if best is None:
@@ -149,10 +160,26 @@ class ForwardSelection:
             if again is None:
                 continue
             best, others = again.candidates[0], [name for name in self.names if name != earlier.name]
-            self.rounds.append(dataclasses.replace(_round(again, best), beside=tuple(others)))
+            self.rounds.append(dataclasses.replace(round_of(again, best), beside=tuple(others)))
             if best.name != earlier.name:
                 self.found[place] = best
                 self._refit_with(best)
+
+    def _remove_unneeded(self) -> None:
+        """Take out what was added before the last, if unseen windows do not support it beside that."""
+        for earlier in self.found[self.given : -1]:
+            if earlier.name not in self.rankings or earlier.name in self.removed:
+                continue
+            others = [name for name in self.names if name != earlier.name]
+            (effect,) = earlier.effects
+            again, bare = still_needed(self.bench, self.model, self.names, effect, self.parts, self.meter)
+            if again.supported(len(others)) is None:
+                self.before = None  # the search that added the last effect was beside this one
+                self.removed.add(earlier.name)
+                self.found = [each for each in self.found if each is not earlier]
+                self.rounds.append(dataclasses.replace(round_of(again, None), beside=tuple(others)))
+                self._refit((bare, self.bench.with_card_values(bare)))
+                self.folds = again.folds
 
     def _against_rivals(
         self, ranking: Ranking, best: Candidate, sought: Sequence[type[AbstractEffect]]
@@ -230,7 +257,7 @@ class ForwardSelection:
             return False
         del self.found[self.given :]
         ranking = dataclasses.replace(pairs, candidates=(*pairs.candidates, *ranking.candidates))
-        self.rounds.append(_round(ranking, pair))
+        self.rounds.append(round_of(ranking, pair))
         self._add(pair)
         return True
 
@@ -271,8 +298,10 @@ def forward_selection(
     declared = bench.settled(declared, [], parts, FIT_STEPS).model
     training = _with_spread(case, bench, case.training, declared)
     fitted = bench.settled(declared, [], training, FIT_STEPS)
-    converged = fitted.converged
-    return ForwardSelection(bench, parts, training, meter, ready, fitted.model, converged)
+    left = max(bench.mean_squares(fitted.model, training).values())
+    return ForwardSelection(
+        bench, parts, training, meter, ready, fitted.model, fitted.converged, at_first=left
+    )
 
 
 def _with_spread(case: Case, bench: Workbench, training: Problem, model: AbstractActuator) -> Problem:
@@ -282,23 +311,3 @@ def _with_spread(case: Case, bench: Workbench, training: Problem, model: Abstrac
         "spread", (bench.bare(model, []), training), lambda: expected_spread(model, training, wider)
     )
     return training.allowing(variance)
-
-
-def _round(ranking: Ranking, best: Candidate | None) -> Round:
-    first = ranking.candidates[0]
-    entries = tuple(
-        Alternative(
-            candidate.name,
-            signal_of(candidate.effects[0]),
-            candidate.evidence.gain,
-            candidate.evidence.p_value,
-            candidate.evidence.loss,
-            not candidate.judged or told_apart(candidate, first, ranking.stretch),
-            candidate.judged,
-            candidate.evidence.test,
-            candidate.evidence.stretches,
-            candidate.failed,
-        )
-        for candidate in ranking.candidates
-    )
-    return Round(ranking.loss, entries, best.name if best else None)

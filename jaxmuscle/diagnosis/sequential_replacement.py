@@ -1,5 +1,5 @@
-"""Sequential replacement: an effect that was added before another against those that did as well as it alone
-(Miller, Subset Selection in Regression, 2nd ed., 2002, chapter 3).
+"""Sequential replacement: an effect that was added before another against those that did as well as it alone,
+and against none (Miller, Subset Selection in Regression, 2nd ed., 2002, chapter 3).
 
 What is added first explains most alone. Where two effects act at once, a third one may do that: an offset of
 the pressure in the place of a bladder, as long as the force's drift is missing (0.67 and 0.68 of the excess
@@ -22,6 +22,7 @@ from jaxmuscle.diagnosis.ranking import (
     Ranking,
     correlation,
     judged_all,
+    rank,
     told_apart,
     typical,
     unseen_loss,
@@ -72,6 +73,27 @@ def replacements(
         return None
     own = bench.settled(model, accepted, problem, STEPS)
     return _ranked(bench, others, present, [(added.effects[0], own), *hopeful], problem, meter)
+
+
+def still_needed(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    effect: Sought,
+    problem: Problem,
+    meter: Meter,
+) -> tuple[Ranking, AbstractActuator]:
+    """The ranking of an effect for its place beside those that were added later, and the model without it.
+
+    Where it is not supported there it only made up for what was missing until then: an offset of a lift's
+    position for a backlash (lift 122125 of `blind_recordings.drawn`).
+
+    Args:
+        model, accepted: the present model and all its effects.
+    """
+    others = [name for name in accepted if name != effect.name]
+    bare = bench.dressed(replace(model, without(effect)), others)
+    return rank(bench, bare, others, [effect], problem, meter), bare
 
 
 def _as_good_alone(ranking: Ranking, accepted: Sequence[str]) -> list[type[AbstractEffect]]:

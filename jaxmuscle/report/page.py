@@ -129,7 +129,8 @@ def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:
         outcome = f"{formatting.words(search.added)} was added"
     if search.beside:
         others = formatting.listed([formatting.words(name) for name in search.beside])
-        outcome = f"once more beside {others}: {formatting.words(rows[0]['name'])} explains most"
+        told = "explains most" if search.added else "is not needed any more"
+        outcome = f"once more beside {others}: {formatting.words(rows[0]['name'])} {told}"
     if search.added is None and index > 0:
         return {"title": title, "rows": rows, "picture": None, "outcome": f"{title}: {outcome}."}
     seen = "part of the excess error on windows left out of each fit that a candidate removes"

@@ -15,6 +15,7 @@ from jaxmuscle.diagnosis.candidate_models import CandidateModels
 from jaxmuscle.diagnosis.candidates import (
     SEEN,
     carries_state,
+    is_dry_friction,
     linear_strength,
     loaded,
     missing,
@@ -72,6 +73,13 @@ def test_missing_are_offered_and_not_declared():
     assert "bladder_stiffness" in names
     assert not names & {"chamber_leak", "command_delay", "load_friction"}
     assert missing(model, [BY_NAME["chamber_leak"], BY_NAME["creep"]]) == [BY_NAME["creep"]]
+
+
+def test_dry_friction_and_its_bristles_are_told_from_other_candidates():
+    friction = {"thread_friction", "load_friction", "stribeck", "pressure_dependent_friction", "presliding"}
+    assert {name for name, effect in BY_NAME.items() if is_dry_friction(effect)} == friction
+    mass = CardConstant("mass", "mass", 8.0, None, 1.0, 100.0, "mass that is lifted")
+    assert not is_dry_friction(mass)
 
 
 def test_loaded_carries_all_at_zero_strength():

@@ -8,7 +8,8 @@ import pytest
 from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis.candidates import missing
-from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
+from jaxmuscle.diagnosis.evidence import SIGN_FLIPS, Evidence
 from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank
 from jaxmuscle.diagnosis.sequential_replacement import MOST, _as_good_alone
@@ -17,6 +18,7 @@ from jaxmuscle.effects import BladderStiffness, ForceDrift, reading_effect
 from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
 from jaxmuscle.progress import Meter
+from jaxmuscle.report.page import _search
 
 OFFSET = reading_effect("sensor_offset", "pressure")
 STIFF = {"stiffness": 80.0, "threshold_pressure": 2.8e4}
@@ -74,3 +76,45 @@ def test_only_those_are_tried_that_were_judged_and_did_as_well_alone():
     ranking = Ranking(5.0, (), (candidate("added", 1.0), *others, *alike), 1)
     tried = _as_good_alone(ranking, ["added", "later"])
     assert [effect.name for effect in tried] == [each.name for each in alike[:MOST]]
+
+
+def without_need(first, effects):
+    """A search in which `first` and then the bladder were added, after what is not needed was taken out."""
+    prepared = case(driven_recording(effects, driven_card({}), seed=2), 0.3, None)
+    kinds = missing(prepared.actuator, (BladderStiffness, ForceDrift))
+    bench, meter = workbench(prepared, kinds), Meter(lambda progress: None)
+    selection = forward_selection(prepared, bench, meter)
+    accepted: list[str] = []
+    for effect in (first, BladderStiffness):
+        ranking = rank(bench, selection.model, accepted, [effect], selection.parts, meter)
+        selection._add(ranking.candidates[0])
+        selection.rankings[effect.name] = ranking
+        accepted.append(effect.name)
+    selection._remove_unneeded()
+    return selection
+
+
+@pytest.mark.slow
+def test_what_is_not_needed_beside_a_later_effect_is_taken_out_again():
+    found = without_need(ForceDrift, {"bladder_stiffness": STIFF})
+    assert found.names == ["bladder_stiffness"] and found.removed == {"force_drift"}
+    last = found.rounds[-1]
+    assert last.added is None and last.beside == ("bladder_stiffness",)
+    assert [each.name for each in last.ranking] == ["force_drift"]
+    assert "force_drift" not in found.model.effects and found.before is None
+    assert float(get(found.model, "effects.bladder_stiffness.stiffness")) == pytest.approx(80.0, rel=0.05)
+
+
+@pytest.mark.slow
+def test_what_is_needed_stays():
+    found = without_need(ForceDrift, {"bladder_stiffness": STIFF, "force_drift": DRIFT})
+    assert found.names == ["force_drift", "bladder_stiffness"] and not found.removed
+
+
+def test_the_report_says_that_an_effect_is_not_needed_any_more():
+    alternative = Alternative("creep", "force", 0.01, 0.4, 1.0, False, True, SIGN_FLIPS, 20, False)
+    search = Round(1.1, (alternative,), None, beside=("backlash",))
+    diagnosis: Any = SimpleNamespace(rounds=(search, search))
+    assert _search(diagnosis, 1)["outcome"] == (
+        "Search 2: once more beside backlash: creep is not needed any more."
+    )

@@ -10,6 +10,7 @@ import pytest
 from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
+    FORM_OF_FRICTION,
     MISSING,
     confirmed,
     doubted,
@@ -20,6 +21,7 @@ from jaxmuscle.diagnosis.verdict import (
     surprise,
     verdict,
     violated_priors,
+    within_form_of_friction,
 )
 from jaxmuscle.effects import BY_NAME, reading_effect
 from jaxmuscle.effects.base import strengths_of
@@ -198,3 +200,13 @@ def test_a_value_far_from_the_card_is_named_with_its_distance() -> None:
     final = fit(1.0, end_factor=(1.1, "muscle.end_factor"), valve_area=(1.1e-6, "valve.area"))
     assert violated_priors(final, priors) == {"end_factor": pytest.approx(4.0)}
     assert violated_priors(None, priors) == {}
+
+
+@pytest.mark.parametrize(("size", "share", "within"), [(20, 0.9, True), (20, 1.1, False), (1e3, 0.9, False)])
+def test_a_law_of_friction_may_leave_a_few_hundredths_that_are_little(
+    size: float, share: float, within: bool
+) -> None:
+    """Of friction of `size` noise units; of a large one they are more than is said to be missing at all."""
+    left = share * FORM_OF_FRICTION * size
+    assert within_form_of_friction(1 + left**2, 1 + size**2) == within
+    assert not within_form_of_friction(1 + size**2, 1 + size**2)
