@@ -22,10 +22,10 @@ from jaxmuscle.diagnosis.candidates import (
     strengths,
 )
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.evidence import blocks, gain, telling_excess
+from jaxmuscle.diagnosis.evidence import blocks, telling_excess
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.variable_projection import basis_of, outside_span, weighted_residuals
-from jaxmuscle.diagnosis.workbench import SLOW, Goal, Workbench
+from jaxmuscle.diagnosis.workbench import PLENTY, SLOW, Goal, Workbench
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import on_all_cores
 from jaxmuscle.parameters import parameters, replace
@@ -47,11 +47,6 @@ SHORT_STEPS, LONG_STEPS = 12, 60
 HOPE, LEAST = 0.02, 2.0
 """Part of the excess error, and of the cost, that the short fits have to remove to be carried on: less than
 half of what makes a candidate worth judging, and a likelihood ratio that no test takes for evidence."""
-PLENTY = 0.2
-"""Part of the excess error that is enough in any case, of the cost or of the losses of blocks. An error that
-lasts as long as the recording is worth so few readings that the whole of it costs less than a likelihood
-ratio of evidence does: of a drift of the load cell that left 5 noise units no candidate had hope. Nor had an
-offset of the force of 18 noise units beside a current with coloured noise, whose excess cost more."""
 NEAR, PATIENCE = 0.25, 4
 """Part of that within which a short fit ends near a minimum, and steps in which it has to get so far."""
 
@@ -149,9 +144,35 @@ def _search(
         fits.append(bench.fit(begin, names, problem, SHORT_STEPS, SLOW, present.factors, goal))
         did(1 - STARTED)
     best, minimum = min(fits, key=lambda fit: fit[1].cost)
-    if minimum.cost > goal.goal and not _removes_plenty(bench, present.model, best, problem):
-        return SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
-    return bench.settled(best, names, problem, LONG_STEPS, SLOW)
+    if minimum.cost > goal.goal and not bench.removes_plenty(present.model, best, problem):
+        found = SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
+    else:
+        found = bench.settled(best, names, problem, LONG_STEPS, SLOW)
+    if not present.weighs_little:
+        return found
+    other = _by_sensor_noise(bench, bases[0], accepted, effect, problem, found.model)
+    return found if other is None else other
+
+
+def _by_sensor_noise(
+    bench: Workbench,
+    base: AbstractActuator,
+    accepted: Sequence[str],
+    effect: Sought,
+    problem: Problem,
+    found: AbstractActuator,
+) -> SettledFit | None:
+    """The model that a fit with weights by the noise of the sensors leads to; `None` unless it removes plenty
+    of what `found` leaves, and of what the model without the effect leaves after such a fit.
+    """
+    names = [*accepted, effect.name]
+    dressed = bench.dressed(base, names)
+    begin = _best_start(bench, dressed, accepted, effect, bench.seen_by(dressed, problem), 1.0)
+    other = bench.by_sensor_noise(begin, names, problem, SHORT_STEPS)
+    if not bench.removes_plenty(found, other.model, problem):
+        return None
+    bare = bench.by_sensor_noise(bench.dressed(base, accepted), accepted, problem, SHORT_STEPS)
+    return other if bench.removes_plenty(bare.model, other.model, problem) else None
 
 
 def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
@@ -160,13 +181,6 @@ def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
     residuals = bench.residuals(present.model, problem)
     excess = 0.5 * telling_excess(residuals, problem.weights, block, present.factors)
     return max(HOPE * excess, min(LEAST, PLENTY * excess))
-
-
-def _removes_plenty(
-    bench: Workbench, present: AbstractActuator, model: AbstractActuator, problem: Problem
-) -> bool:
-    """Whether a model removes :data:`PLENTY` of the losses of blocks, which weigh readings by their noise."""
-    return gain(bench.losses(present, problem), bench.losses(model, problem)) >= PLENTY
 
 
 def _best_start(

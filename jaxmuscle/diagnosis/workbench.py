@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.card_constants import CardConstant
+from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.model_residuals import ModelResiduals
 from jaxmuscle.diagnosis.settled_fit import (
     Factors,
@@ -53,6 +54,11 @@ LEAST_EXCESS = 300.0
 Relative to the whole cost (7000 of two pressures beside 50 of an angle whose misfit lasts) a search ended at
 falls of 7 of these 50.
 """
+PLENTY = 0.2
+"""Part of the excess error that is enough in any case, of the cost or of the losses of blocks. An error that
+lasts as long as the recording is worth so few readings that the whole of it costs less than a likelihood
+ratio of evidence does: of a drift of the load cell that left 5 noise units no candidate had hope. Nor had an
+offset of the force of 18 noise units beside a current with coloured noise, whose excess cost more."""
 REWEIGHTINGS, ALIKE = 8, 0.1
 """Fits by turns with weights from their own residuals, and change of a weight's logarithm that ends them."""
 
@@ -101,9 +107,33 @@ class Workbench(ModelResiduals):
     def best_fit(
         self, starts: Sequence[AbstractActuator], effects: Sequence[str], problem: Problem, steps: int
     ) -> SettledFit:
-        """The best of the fits (:meth:`settled`) that begin at several models."""
+        """The best of the fits (:meth:`settled`) that begin at several models.
+
+        Where what it leaves weighs little, the best one with weights by the sensors' noise comes before it,
+        if that removes plenty of the losses of blocks.
+        """
         fits = on_all_cores(lambda start: self.settled(start, effects, problem, steps), starts)
-        return fits[best_of(fits)]
+        best = fits[best_of(fits)]
+        if not best.weighs_little:
+            return best
+        fits = on_all_cores(lambda start: self.by_sensor_noise(start, effects, problem, steps), starts)
+        other = min(fits, key=lambda fit: float(self.losses(fit.model, problem).sum()))
+        return other if self.removes_plenty(best.model, other.model, problem) else best
+
+    def by_sensor_noise(
+        self, start: AbstractActuator, effects: Sequence[str], problem: Problem, steps: int
+    ) -> SettledFit:
+        """The fit of a model with weights by the noise of the sensors, carried on with its own weights unless
+        that spoils it.
+        """
+        moved, lane = self.fit(start, effects, problem, steps, SLOW)
+        first = SettledFit(moved, lane.cost, lane.code, self.discrepancies(moved, problem), 0.0)
+        found = self.settled(moved, effects, problem, steps, SLOW)
+        return first if self.removes_plenty(found.model, moved, problem) else found
+
+    def removes_plenty(self, present: AbstractActuator, model: AbstractActuator, problem: Problem) -> bool:
+        """Whether a model removes :data:`PLENTY` of the losses of blocks, where the sensors' noise weighs."""
+        return gain(self.losses(present, problem), self.losses(model, problem)) >= PLENTY
 
     def settled(
         self,

@@ -14,9 +14,9 @@ from jaxmuscle.diagnosis.candidate_search import (
     LEAST,
     PLENTY,
     _needed,
-    _removes_plenty,
     search_all,
 )
+from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.progress import Meter
 
 WINDOWS, SAMPLES, PERIOD, MISSED = 4, 100, 25, 5.0
@@ -58,7 +58,7 @@ def test_a_constant_error_beside_coloured_noise_leaves_hope(after, plenty):
     present: Any = "before"
     fitted: Any = "after"
     problem: Any = None
-    assert _removes_plenty(bench, present, fitted, problem) is plenty
+    assert Workbench.removes_plenty(bench, present, fitted, problem) is plenty
 
 
 COSTS = {"creep": 7.0, "delay": 3.0, "leak": 5.0, "gravity": 1.0}

@@ -8,6 +8,7 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.effects import (
+    Backlash,
     ChamberLeak,
     Creep,
     DeadVolume,
@@ -128,3 +129,18 @@ def test_what_the_law_of_a_rough_thread_leaves_is_no_other_effect(monkeypatch):
     found = jm.diagnose(blind.recording, constants=False)
     assert [effect.name for effect in found.effects] == ["thread_friction", "presliding"]
     assert found.after["held_out"]["force"].in_noise < 1.5 < 30 < found.before["held_out"]["force"].in_noise
+
+
+def test_play_is_found_though_the_error_that_it_leaves_lasts_and_weighs_little(monkeypatch):
+    """By its own weights, a hundredth of those by the sensor's noise, no gap had hope."""
+    sought_among(monkeypatch, [LoadDamping], [Backlash])
+    blind = drawn(122125, "isotonic", 1, False)
+    assert {*blind.truth} == {"backlash"}
+    found = jm.diagnose(blind.recording, constants=False)
+    assert [effect.name for effect in found.effects] == ["backlash"]
+    (play,) = found.effects
+    gap = play.parameters["half_width"]
+    assert abs(gap.value - blind.truth["backlash"]["half_width"]) < 2 * gap.std < 1e-5
+    assert (
+        found.after["held_out"]["position"].in_noise < 2.5 < 5 < found.before["held_out"]["position"].in_noise
+    )

@@ -1,6 +1,8 @@
 """Fits of a search through the simulation, on readings of the oracle with white noise."""
 
 import dataclasses
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from oracles.recorded import driven_card, driven_recording, smooth_motion
 from jaxmuscle import effects
 from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.settled_fit import SETTLED
-from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.diagnosis.workbench import Workbench, workbench
 from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.free_parameters import Prior
@@ -155,3 +157,32 @@ def test_what_one_bench_has_fitted_serves_another_with_other_candidates(prepared
     assert spread == [0, 0, 0]
     assert NOTHING_KEPT.remember("spread", prepared.training, lambda: 5) == 5
     assert NOTHING_KEPT.remember("spread", prepared.training, lambda: 6) == 6
+
+
+@pytest.mark.parametrize(
+    ("weighs_little", "left", "best"), [(True, 1.0, "noise"), (True, 4.5, "own"), (False, 1.0, "own")]
+)
+def test_a_fit_by_the_noise_of_sensors_counts_where_what_is_left_weighs_little(weighs_little, left, best):
+    squares = {"own": 5.0, "noise": left}
+    fit: Any = lambda name: SimpleNamespace(model=name, weighs_little=weighs_little, left={}, far=0.0)  # noqa: E731
+    tools_: Any = SimpleNamespace(
+        settled=lambda *of_model: fit("own"),
+        by_sensor_noise=lambda *of_model: fit("noise"),
+        losses=lambda model, problem: np.log1p(np.full((1, 40), squares[model])),
+    )
+    tools_.removes_plenty = lambda *models: Workbench.removes_plenty(tools_, *models)
+    anything: Any = None
+    assert Workbench.best_fit(tools_, [anything], [], anything, 1).model == best
+
+
+def test_own_weights_carry_a_fit_by_the_noise_of_sensors_on_unless_they_spoil_it():
+    squares = {"moved": 1.0, "better": 0.9, "spoilt": 5.0}
+    for carried_on, best in (("better", "better"), ("spoilt", "moved")):
+        tools_: Any = SimpleNamespace(
+            fit=lambda *of_model: ("moved", SimpleNamespace(cost=1.0, code="converged")),
+            settled=lambda *of_model, carried_on=carried_on: SimpleNamespace(model=carried_on),
+            discrepancies=lambda *of_model: {},
+            removes_plenty=lambda present, model, problem: squares[model] < 0.5 * squares[present],
+        )
+        anything: Any = None
+        assert Workbench.by_sensor_noise(tools_, anything, [], anything, 1).model == best
