@@ -70,8 +70,8 @@ def odds(rng, true, correlation=0.0):
     both = np.sin(2 * time), np.cos(2 * time)
     white = np.sqrt(1 - correlation**2) * rng.normal(size=len(time))
     values = 0.3 * both[true] + np.asarray(lfilter([1.0], [1.0, -correlation], white))
-    left = [shaped(fitted(values, each[None])) for each in both]
-    return more_likely(*left, shaped(np.ones(len(time))), 0)
+    one, other = (shaped(fitted(values, each[None])) for each in both)
+    return more_likely(one, other, shaped(np.ones(len(time))), 0)
 
 
 def test_the_true_one_of_two_models_is_the_likelier_one():
@@ -82,7 +82,12 @@ def test_the_true_one_of_two_models_is_the_likelier_one():
 
 
 def test_parameters_more_have_to_be_worth_it():
-    count = WINDOWS * SAMPLES
-    left, there = shaped(np.random.default_rng(6).normal(size=count)), shaped(np.ones(count))
-    assert more_likely(left, left, there, 0) == 0.0
-    assert more_likely(left, left, there, 2) == pytest.approx(-2 * np.log(count), rel=0.05)
+    """Readings of a column in which the models are the same say nothing of their parameters."""
+    count, rng = WINDOWS * SAMPLES, np.random.default_rng(6)
+    one, other, same = (shaped(rng.normal(size=count)) for _ in range(3))
+    there = shaped(np.ones(count))
+    few, more = (more_likely(one, other, there, parameters) for parameters in (0, 2))
+    assert few - more == pytest.approx(2 * np.log(count), rel=0.05)
+    beside = [each | {"pressure": same["angle"]} for each in (one, other, there)]
+    assert more_likely(beside[0], beside[1], beside[2], 2) == pytest.approx(more, rel=1e-9)
+    assert more_likely(one, one, there, 2) == 0.0
