@@ -104,7 +104,8 @@ def search(
     model may lie in a valley of its own), and the best one is carried on. Each begins where the cost is least
     among several strengths of several shapes, with the weights of the `present` model, and ends as soon as
     too little (:data:`HOPE`) is within its reach. Where all remove too little the search ends without hope;
-    else it goes on with weights from what is left.
+    else it goes on with weights from what is left. Where that weighs little, it is done with weights by the
+    sensors' noise, too (:func:`_by_sensor_noise`).
     """
     bare = [bench.bare(each, accepted) for each in (present.model, *bases)]
     return bench.kept(
@@ -148,7 +149,7 @@ def _search(
         found = SettledFit(best, minimum.cost, minimum.code, present.left, 0.0, hopeful=False)
     else:
         found = bench.settled(best, names, problem, LONG_STEPS, SLOW)
-    if not present.weighs_little:
+    if not found.weighs_little:
         return found
     other = _by_sensor_noise(bench, bases[0], accepted, effect, problem, found.model)
     return found if other is None else other
@@ -164,6 +165,8 @@ def _by_sensor_noise(
 ) -> SettledFit | None:
     """The model that a fit with weights by the noise of the sensors leads to; `None` unless it removes plenty
     of what `found` leaves, and of what the model without the effect leaves after such a fit.
+
+    To be asked for where what `found` leaves weighs little, or the search ended without hope.
     """
     names = [*accepted, effect.name]
     dressed = bench.dressed(base, names)
