@@ -20,7 +20,7 @@ from jaxmuscle.parameters import parameters, replace
 SETTLED = (CONVERGED, STALLED)
 """How a fit ends that more steps would not carry on."""
 
-LITTLE = 0.1
+LEAST_WEIGHT = 0.1
 """Factor of a weight below which fits begin with weights by the sensors' noise, too. An error that lasts as
 long as the recording hides what would remove it: of a backlash of 0.319 mm in a lift's position (factor 0.01)
 no gap had hope; so 0.318 mm are found, which leave 1.9 noise units of 6.9 on unseen data (122125 of
@@ -72,7 +72,7 @@ class SettledFit:
     @property
     def weighs_little(self) -> bool:
         """Whether what it leaves of a column weighs so little that it may hide what is missing there."""
-        return min(float(each.min()) for each in self.factors.values()) < LITTLE
+        return min(float(each.min()) for each in self.factors.values()) < LEAST_WEIGHT
 
     @property
     def independent_readings(self) -> float:

@@ -127,7 +127,8 @@ class Workbench(ModelResiduals):
         that spoils it.
         """
         moved, lane = self.fit(start, effects, problem, steps, SLOW)
-        first = SettledFit(moved, lane.cost, lane.code, self.discrepancies(moved, problem), 0.0)
+        left = self.discrepancies(moved, problem)
+        first = SettledFit(moved, lane.cost, lane.code, left, self._far_from_priors(moved, effects))
         found = self.settled(moved, effects, problem, steps, SLOW)
         return first if self.removes_plenty(found.model, moved, problem) else found
 
@@ -198,9 +199,13 @@ class Workbench(ModelResiduals):
             alike = (np.abs(np.log(before[out]) - np.log(factors[out])) <= ALIKE for out in factors)
             if fits == REWEIGHTINGS or all(each.all() for each in alike):
                 break
+        return SettledFit(model, lane.cost, lane.code, left, self._far_from_priors(model, effects))
+
+    def _far_from_priors(self, model: AbstractActuator, effects: Sequence[str]) -> float:
+        """Half the sum of squared distances of a model's free parameters from their priors."""
         priors = self.unknowns(model, self.free_paths(model, effects), effects)
         far = priors.prior_residuals(priors.coordinates(priors.start))
-        return SettledFit(model, lane.cost, lane.code, left, 0.5 * float((far**2).sum()))
+        return 0.5 * float((far**2).sum())
 
     def fit(
         self,

@@ -182,6 +182,7 @@ def test_own_weights_carry_a_fit_by_the_noise_of_sensors_on_unless_they_spoil_it
             fit=lambda *of_model: ("moved", SimpleNamespace(cost=1.0, code="converged")),
             settled=lambda *of_model, carried_on=carried_on: SimpleNamespace(model=carried_on),
             discrepancies=lambda *of_model: {},
+            _far_from_priors=lambda *of_model: 0.5,
             removes_plenty=lambda present, model, problem: squares[model] < 0.5 * squares[present],
         )
         anything: Any = None
