@@ -41,7 +41,8 @@ _unfinished: dict[Path, Path] = {}
 its own a file that :func:`abandon` has removed would come back where its writer, in another thread, only then
 opens it."""
 _renaming = threading.RLock()
-"""Held while finished files take their places, and for ever once :func:`abandon` was called."""
+"""Held while finished files take their places and while what is unfinished is removed, and for ever once
+:func:`abandon` was called."""
 
 
 @functools.cache
@@ -136,7 +137,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
 def abandon() -> None:
     """Remove what this process has not finished, for its end: from here on it finishes nothing more.
 
-    Files that are taking their places just now do so first.
+    Files that are taking their places just now do so first, and what another thread is removing is gone.
     """
     _renaming.acquire()
     _remove(list(_unfinished))
@@ -222,18 +223,21 @@ def _to_disk(file: Path) -> None:
 
 
 def _remove(paths: Iterable[Path]) -> None:
-    """Remove what is being written, with its folder.
+    """Remove what is being written, with its folder, before :func:`abandon` ends the process."""
+    with _renaming:
+        for path in paths:
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):  # Its folder may be a file.
+                _remove_folder(_unfinished.pop(path, path))
 
-    A folder is first renamed: who still writes there, in another thread, finds it gone from one moment to
-    the next, and puts nothing new into what is being removed.
+
+def _remove_folder(folder: Path) -> None:
+    """Rename a folder, then remove it: who still writes there, in another thread, finds it gone from one
+    moment to the next, and puts nothing new into what is being removed.
     """
-    for path in paths:
-        place = _unfinished.pop(path, path)
-        away = place.with_name(MARK.sub(lambda mark: f"{secrets.token_hex(4)}{mark[1] or ''}", place.name))
-        with contextlib.suppress(FileNotFoundError, NotADirectoryError):  # Its folder may be a file by now.
-            with contextlib.suppress(PermissionError):  # Not every system renames a folder with open files.
-                place = place.rename(away)
-            shutil.rmtree(place, ignore_errors=True) if place.is_dir() else place.unlink()
+    away = MARK.sub(lambda mark: f"{secrets.token_hex(4)}{mark[1] or ''}", folder.name)
+    with contextlib.suppress(PermissionError):  # Not every system renames a folder with open files.
+        folder = folder.rename(folder.with_name(away))
+    shutil.rmtree(folder, ignore_errors=True) if folder.is_dir() else folder.unlink()
 
 
 def existing_file(path: Path, kind: str, suffixes: tuple[str, ...]) -> Path:

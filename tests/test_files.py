@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -187,8 +188,34 @@ def test_at_the_end_of_a_process_nothing_unfinished_stays(tmp_path, monkeypatch,
     abandon()
     assert list(tmp_path.iterdir()) == []
     go_on.set()
+    files._renaming.release()  # The process would be over; here its thread is waited for.
     thread.join()
     assert list(tmp_path.iterdir()) == [] and gone == (["one.txt", "a"] if opens == "after" else [])
+
+
+def test_a_folder_that_another_thread_is_removing_does_not_stay(tmp_path, monkeypatch):
+    """The process ended between the removal's two steps, and an empty folder stayed."""
+    monkeypatch.setattr(files, "_renaming", threading.RLock())
+    removing, remove = threading.Event(), shutil.rmtree
+
+    def slowly(*args, **kwargs):
+        removing.set()
+        time.sleep(0.2)
+        remove(*args, **kwargs)
+
+    monkeypatch.setattr(files.shutil, "rmtree", slowly)
+
+    def write():
+        with atomic_write(tmp_path / "one.txt") as (one,):
+            one.write_text("whole")
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    assert removing.wait(60)
+    abandon()
+    assert [p.name for p in tmp_path.iterdir()] == ["one.txt"]
+    files._renaming.release()
+    thread.join()
 
 
 PAIR = """
