@@ -67,6 +67,11 @@ class ModelResiduals(CandidateModels):
             return problem
         return with_predicted_inputs(model, with_inputs_of(problem, self.case.problem))
 
+    def predicted_inputs(self, model: AbstractActuator, problem: Problem) -> set[str]:
+        """Measured states that `model` takes as it predicts them."""
+        seen, measured = self.seen_by(model, problem).track.measured, self.case.problem.track.measured
+        return {state for state, values in seen.items() if values is not measured[state]}
+
     def discrepancies(self, model: AbstractActuator, problem: Problem) -> dict[str, list[Discrepancy]]:
         """What `model` leaves of each output, column by column."""
         layout, left = ResidualLayout.of(model, problem), self.residuals(model, problem)

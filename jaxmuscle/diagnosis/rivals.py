@@ -4,19 +4,23 @@ which of two is the true one.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import paths_of
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import STEPS
 from jaxmuscle.diagnosis.likelihood_ratio import more_likely
-from jaxmuscle.diagnosis.ranking import Candidate, told_apart
+from jaxmuscle.diagnosis.ranking import Candidate, Ranking, told_apart
 from jaxmuscle.diagnosis.screening import parts_removed
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
+from jaxmuscle.estimation.residuals import Evaluated
 from jaxmuscle.estimation.windows import Problem
 
 AS_MUCH = 0.8
@@ -78,11 +82,63 @@ def does_better(
         return True
     if told_apart(rival, found, stretch):
         return False
-    names = [[*accepted, each.name] for each in (found, rival)]
-    fits = [
-        bench.settled(each.model, own, training, STEPS).model
-        for each, own in zip((found, rival), names, strict=True)
-    ]
-    more = len(paths_of(fits[1], rival.name)) - len(paths_of(fits[0], found.name))
-    one, other = (bench.residuals(each, training) for each in fits)
-    return more_likely(one, other, training.weights, more) >= CLEARLY
+    one, other = _on_equal_terms(bench, accepted, (found, rival), training)
+    more = _parameters(other.model, rival) - _parameters(one.model, found)
+    return more_likely(one.residuals, other.residuals, training.weights, more) >= CLEARLY
+
+
+def _parameters(model: AbstractActuator, candidate: Candidate) -> int:
+    return sum(len(paths_of(model, effect.name)) for effect in candidate.effects)
+
+
+class _Fitted(NamedTuple):
+    model: AbstractActuator
+    residuals: Evaluated
+
+
+def _on_equal_terms(
+    bench: Workbench, accepted: Sequence[str], candidates: Sequence[Candidate], training: Problem
+) -> list[_Fitted]:
+    """Each candidate fitted to whole windows, with inputs of links as the models predict them, if all of them
+    predict the same ones; else as measured.
+
+    A slow error of a pressure that is taken as measured hides which muscle effect moves a joint: over 470
+    readings went together what a bladder left, called ends that depend on the pressure, and over 110 with
+    pressures as predicted (joint 123030 of `blind_recordings.drawn`: -1.7 in twice the logarithm of the odds,
+    and 8.9).
+    """
+    for predicting in (True, False):
+        bench = dataclasses.replace(bench, predicting=predicting)
+        models = [
+            bench.settled(each.model, [*accepted, *(e.name for e in each.effects)], training, STEPS).model
+            for each in candidates
+        ]
+        if len({frozenset(bench.predicted_inputs(each, training)) for each in models}) == 1:
+            break
+    return [_Fitted(each, bench.residuals(each, training)) for each in models]
+
+
+def likeliest_first(
+    bench: Workbench, accepted: Sequence[str], ranking: Ranking, training: Problem, found: int
+) -> Ranking:
+    """The ranking of effects, or of pairs, with that first which does better (:func:`does_better`) than the
+    first one and those between, of those that unseen windows support after so many effects `found`.
+
+    With a constant of the card the first one stays first.
+
+    Args:
+        accepted: names of what the model has beside one of them; `training`: whole windows.
+    """
+    best, *others = ranking.candidates
+    if _has_constant(best):
+        return ranking
+    for each in others:
+        may = each.judged and each.evidence.supports(found) and not _has_constant(each)
+        if may and does_better(bench, accepted, each, best, training, ranking.stretch):
+            best = each
+    rest = (each for each in ranking.candidates if each is not best)
+    return dataclasses.replace(ranking, candidates=(best, *rest))
+
+
+def _has_constant(candidate: Candidate) -> bool:
+    return any(isinstance(effect, CardConstant) for effect in candidate.effects)

@@ -1,5 +1,6 @@
 """Rarer effects against the one that was found: which are tried, and what becomes of it."""
 
+import dataclasses
 import importlib
 from types import SimpleNamespace
 from typing import Any
@@ -61,6 +62,34 @@ def candidate(effect, losses, gain=0.9):
     return Candidate((effect,), Evidence(gain, 1e-4, float(losses.mean())), losses, MODEL, (MODEL,))
 
 
+@dataclasses.dataclass
+class Bench:
+    """A bench of which models are their own fits; `explains`: whether they leave only noise."""
+
+    explains: bool = True
+    inputs: Any = lambda model: frozenset()
+    predicting: bool = False
+    rivals = ("sensor_offset_force",)
+
+    def refining(self, names):
+        return [RARER]
+
+    def settled(self, model, *of_fit):
+        return SimpleNamespace(model=model)
+
+    def residuals(self, model, training):
+        return {"force": model, "predicting": self.predicting}
+
+    def predicted_inputs(self, model, training):
+        return self.inputs(model) if self.predicting else set()
+
+    def sought(self, names, much_is_left):
+        return [FIRST, OTHER]
+
+    def least_mean_squares(self, model, parts):
+        return {"force": 50.0 if model is MODEL and not self.explains else 1.0}
+
+
 def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, explains=True, before=()):
     """The candidates, best first, after what waits was tried against the one that was found: a rarer effect,
     or, after others that were found `before`, what refines a friction. `likelier`: by how much it is.
@@ -71,14 +100,7 @@ def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, expla
     monkeypatch.setattr(module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
     monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
     monkeypatch.setattr(rivals_module, "more_likely", lambda *residuals: likelier)
-    bench: Any = SimpleNamespace(
-        rivals=("sensor_offset_force",),
-        refining=lambda names: [RARER],
-        settled=lambda *of_model: SimpleNamespace(model=MODEL),
-        residuals=lambda *of_model: {},
-        sought=lambda names, much_is_left: [FIRST, OTHER],
-        least_mean_squares=lambda model, parts: {"force": 50.0 if model is MODEL and not explains else 1.0},
-    )
+    bench: Any = Bench(explains)
     anything: Any = SimpleNamespace(weights={})
     selection = ForwardSelection(bench, anything, anything, anything, anything, anything, True)
     selection.found = [*before]
@@ -99,6 +121,53 @@ def test_of_two_that_unseen_windows_do_not_tell_apart_the_likelier_one_is_first(
         assert after_rivals(monkeypatch, LOSSES, LOSSES - 1e-9, likelier=likelier)[0] is first
     better = LOSSES - 0.5
     assert after_rivals(monkeypatch, better, LOSSES, likelier=1e3) == [FIRST, RARER]
+
+
+def the_likelier(monkeypatch, odds, **of_bench):
+    """Names of three effects, one after the other not supported, after the likeliest of them came first.
+
+    `odds`: of a pair of models by their names, the second to the first; of what is not named, even.
+    """
+    told: list[bool] = []
+
+    def more_likely(one, other, weights, parameters):
+        told.append(one["predicting"])
+        assert one["predicting"] == other["predicting"] and parameters == 0
+        return odds.get((one["force"], other["force"]), 0.0)
+
+    monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
+    monkeypatch.setattr(rivals_module, "more_likely", more_likely)
+    judged = [
+        dataclasses.replace(candidate(effect, LOSSES + 1e-9 * i), model=effect.name)
+        for i, effect in enumerate((FIRST, RARER, OTHER))
+    ]
+    judged[-1] = dataclasses.replace(judged[-1], evidence=Evidence(0.9, 0.5, 1.0))
+    bench: Any = Bench(**of_bench)
+    anything: Any = SimpleNamespace(weights={})
+    ranking = rivals_module.likeliest_first(bench, [], Ranking(5.0, (), tuple(judged), 1), anything, 0)
+    return [each.name for each in ranking.candidates], told
+
+
+def test_of_usual_effects_the_likelier_one_is_first_too_if_it_is_supported(monkeypatch):
+    names = [FIRST.name, RARER.name, OTHER.name]
+    found, told = the_likelier(monkeypatch, {(FIRST.name, OTHER.name): 1e3})
+    assert found == names and told == [True], "by inputs as both predict them, of what is supported"
+    found, _ = the_likelier(monkeypatch, {(FIRST.name, RARER.name): 7.0})
+    assert found == [RARER.name, FIRST.name, OTHER.name]
+
+
+def test_models_are_compared_with_the_same_inputs(monkeypatch):
+    """As measured, where one of two models does not know one that the other predicts."""
+    _, told = the_likelier(monkeypatch, {}, inputs=lambda name: {"pressure"} if name == RARER.name else set())
+    assert told == [False]
+
+
+def test_a_constant_of_the_card_stays_first(monkeypatch):
+    constant = SimpleNamespace(name="constant:mass")
+    monkeypatch.setattr(rivals_module, "CardConstant", SimpleNamespace)
+    ranking = Ranking(5.0, (), (candidate(constant, LOSSES), candidate(RARER, LOSSES - 1.0)), 1)
+    anything: Any = None
+    assert rivals_module.likeliest_first(anything, [], ranking, anything, 0) is ranking
 
 
 def test_no_rarer_effect_is_tried_beside_one_that_leaves_a_part(monkeypatch):
