@@ -23,7 +23,7 @@ from jaxmuscle.diagnosis.ranking import (
     rank,
     unseen_loss,
 )
-from jaxmuscle.diagnosis.rivals import does_better, likeliest_first, rivals
+from jaxmuscle.diagnosis.rivals import WholeWindowFits, does_better, likeliest_first, rivals
 from jaxmuscle.diagnosis.search_rounds import round_of
 from jaxmuscle.diagnosis.sequential_replacement import replacements, still_needed
 from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED, within_form_of_friction
@@ -138,7 +138,8 @@ class ForwardSelection:
         if best is not None and not explains(best, len(self.found)):
             best = None
         if best is not None:
-            ranking = self._likeliest_first(ranking, self.names, len(self.found))
+            fits = WholeWindowFits(self.bench, self.names, self.training)
+            ranking = likeliest_first(fits, ranking, len(self.found))
             ranking = self._against_rivals(ranking, ranking.candidates[0], effects)
             best = ranking.candidates[0]
         self.rounds.append(round_of(ranking, best))
@@ -150,9 +151,6 @@ class ForwardSelection:
         self._add(best)
         self.rankings[best.name] = ranking
         return True
-
-    def _likeliest_first(self, ranking: Ranking, beside: Sequence[str], found: int) -> Ranking:
-        return likeliest_first(self.bench, beside, ranking, self.training, found)
 
     def _replace_earlier(self) -> None:
         """Put another effect in the place of one that was added before the last, if it does better there."""
@@ -201,11 +199,12 @@ class ForwardSelection:
         tried, among = [found, *waiting], len(sought) + len(waiting)
         rarer = rank(bench, self.model, self.names, tried, self.parts, self.meter, among)
         (same,) = (each for each in rarer.candidates if each.effects == best.effects)
+        fits = WholeWindowFits(bench, self.names, self.training)
         better = [
             each
             for each in rarer.candidates
             if each.judged and each is not same and each.evidence.supports(len(self.found))
-            if does_better(bench, self.names, each, same, self.training, rarer.stretch)
+            if does_better(fits, each, same, rarer.stretch)
         ]
         first = min(better, key=unseen_loss, default=same)
         rest = [*(each for each in rarer.candidates if each is not same), same, *ranking.candidates]
@@ -259,7 +258,8 @@ class ForwardSelection:
         pair = pairs.supported(len(self.found) + 1)
         if pair is None or not explains(pair, len(self.found)):
             return False
-        pairs = self._likeliest_first(pairs, self.names[: self.given], len(self.found) + 1)
+        fits = WholeWindowFits(self.bench, self.names[: self.given], self.training)
+        pairs = likeliest_first(fits, pairs, len(self.found) + 1)
         pair = pairs.candidates[0]
         del self.found[self.given :]
         ranking = dataclasses.replace(pairs, candidates=(*pairs.candidates, *ranking.candidates))

@@ -5,8 +5,7 @@ which of two is the true one.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Sequence, Set
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import paths_of
@@ -59,14 +58,49 @@ def rivals(
     return excited(bench.case, bench.case.actuator, [waiting[i] for _, i in near[:MOST]])
 
 
-def does_better(
-    bench: Workbench,
-    accepted: Sequence[str],
-    rival: Candidate,
-    found: Candidate,
-    training: Problem,
-    stretch: int,
-) -> bool:
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """The model of a candidate fitted to whole windows, what it leaves, states taken as it predicts them."""
+
+    model: AbstractActuator
+    residuals: Evaluated
+    predicted_inputs: Set[str]
+
+
+class WholeWindowFits:
+    """Candidates fitted to whole windows, each once; effects, or pairs, beside what the model has."""
+
+    def __init__(self, bench: Workbench, accepted: Sequence[str], training: Problem) -> None:
+        """Fit nothing yet. `accepted`: names of what the model has; `training`: the windows."""
+        self.bench, self.accepted, self.training = bench, accepted, training
+        self._found: dict[tuple[str, bool], Fitted] = {}
+
+    def of(self, candidate: Candidate, predicting: bool) -> Fitted:
+        """The fit of a candidate with inputs of links as its model predicts them, else as measured."""
+        key = candidate.name, predicting
+        if key not in self._found:
+            bench, training = dataclasses.replace(self.bench, predicting=predicting), self.training
+            names = [*self.accepted, *(effect.name for effect in candidate.effects)]
+            model = bench.settled(candidate.model, names, training, STEPS).model
+            inputs = bench.predicted_inputs(model, training)
+            self._found[key] = Fitted(model, bench.residuals(model, training), inputs)
+        return self._found[key]
+
+    def on_equal_terms(self, one: Candidate, other: Candidate) -> tuple[Fitted, Fitted]:
+        """Two candidates with inputs as the models predict them, if both predict the same; else as measured.
+
+        A slow error of a pressure that is taken as measured hides which muscle effect moves a joint: over 470
+        readings went together what a bladder left, called ends that depend on the pressure, and over 110 with
+        pressures as predicted (joint 123030 of `blind_recordings.drawn`: -1.7 in twice the logarithm of the
+        odds, and 8.9).
+        """
+        both = self.of(one, True), self.of(other, True)
+        if both[0].predicted_inputs == both[1].predicted_inputs:
+            return both
+        return self.of(one, False), self.of(other, False)
+
+
+def does_better(fits: WholeWindowFits, rival: Candidate, found: Candidate, stretch: int) -> bool:
     """Whether a rival comes before what was found: it predicts unseen windows significantly better, or, where
     neither does so, it is clearly the likelier one.
 
@@ -74,67 +108,33 @@ def does_better(
     likelihood of thousands of readings does.
 
     Args:
-        accepted: names of what the model has beside one of these.
-        training: whole windows, on which likelihoods are compared; `stretch`: blocks over which residuals go
-            together.
+        fits: by which likelihoods are compared; `stretch`: blocks over which residuals go together.
     """
     if told_apart(found, rival, stretch):
         return True
     if told_apart(rival, found, stretch):
         return False
-    one, other = _on_equal_terms(bench, accepted, (found, rival), training)
+    one, other = fits.on_equal_terms(found, rival)
     more = _parameters(other.model, rival) - _parameters(one.model, found)
-    return more_likely(one.residuals, other.residuals, training.weights, more) >= CLEARLY
+    return more_likely(one.residuals, other.residuals, fits.training.weights, more) >= CLEARLY
 
 
 def _parameters(model: AbstractActuator, candidate: Candidate) -> int:
     return sum(len(paths_of(model, effect.name)) for effect in candidate.effects)
 
 
-class _Fitted(NamedTuple):
-    model: AbstractActuator
-    residuals: Evaluated
-
-
-def _on_equal_terms(
-    bench: Workbench, accepted: Sequence[str], candidates: Sequence[Candidate], training: Problem
-) -> list[_Fitted]:
-    """Each candidate fitted to whole windows, with inputs of links as the models predict them, if all of them
-    predict the same ones; else as measured.
-
-    A slow error of a pressure that is taken as measured hides which muscle effect moves a joint: over 470
-    readings went together what a bladder left, called ends that depend on the pressure, and over 110 with
-    pressures as predicted (joint 123030 of `blind_recordings.drawn`: -1.7 in twice the logarithm of the odds,
-    and 8.9).
-    """
-    for predicting in (True, False):
-        bench = dataclasses.replace(bench, predicting=predicting)
-        models = [
-            bench.settled(each.model, [*accepted, *(e.name for e in each.effects)], training, STEPS).model
-            for each in candidates
-        ]
-        if len({frozenset(bench.predicted_inputs(each, training)) for each in models}) == 1:
-            break
-    return [_Fitted(each, bench.residuals(each, training)) for each in models]
-
-
-def likeliest_first(
-    bench: Workbench, accepted: Sequence[str], ranking: Ranking, training: Problem, found: int
-) -> Ranking:
+def likeliest_first(fits: WholeWindowFits, ranking: Ranking, found: int) -> Ranking:
     """The ranking of effects, or of pairs, with that first which does better (:func:`does_better`) than the
     first one and those between, of those that unseen windows support after so many effects `found`.
 
     With a constant of the card the first one stays first.
-
-    Args:
-        accepted: names of what the model has beside one of them; `training`: whole windows.
     """
     best, *others = ranking.candidates
     if _has_constant(best):
         return ranking
     for each in others:
         may = each.judged and each.evidence.supports(found) and not _has_constant(each)
-        if may and does_better(bench, accepted, each, best, training, ranking.stretch):
+        if may and does_better(fits, each, best, ranking.stretch):
             best = each
     rest = (each for each in ranking.candidates if each is not best)
     return dataclasses.replace(ranking, candidates=(best, *rest))

@@ -69,12 +69,14 @@ class Bench:
     explains: bool = True
     inputs: Any = lambda model: frozenset()
     predicting: bool = False
+    fitted: list[str] = dataclasses.field(default_factory=list)
     rivals = ("sensor_offset_force",)
 
     def refining(self, names):
         return [RARER]
 
     def settled(self, model, *of_fit):
+        self.fitted.append(model)
         return SimpleNamespace(model=model)
 
     def residuals(self, model, training):
@@ -123,8 +125,9 @@ def test_of_two_that_unseen_windows_do_not_tell_apart_the_likelier_one_is_first(
     assert after_rivals(monkeypatch, better, LOSSES, likelier=1e3) == [FIRST, RARER]
 
 
-def the_likelier(monkeypatch, odds, **of_bench):
-    """Names of three effects, one after the other not supported, after the likeliest of them came first.
+def the_likelier(monkeypatch, odds, supported=2, **of_bench):
+    """Names of three effects, so many of them supported, after the likeliest of them came first; whether they
+    were compared with predicted inputs, one after the other; what was fitted.
 
     `odds`: of a pair of models by their names, the second to the first; of what is not named, even.
     """
@@ -141,24 +144,35 @@ def the_likelier(monkeypatch, odds, **of_bench):
         dataclasses.replace(candidate(effect, LOSSES + 1e-9 * i), model=effect.name)
         for i, effect in enumerate((FIRST, RARER, OTHER))
     ]
-    judged[-1] = dataclasses.replace(judged[-1], evidence=Evidence(0.9, 0.5, 1.0))
+    for i in range(supported, len(judged)):
+        judged[i] = dataclasses.replace(judged[i], evidence=Evidence(0.9, 0.5, 1.0))
     bench: Any = Bench(**of_bench)
     anything: Any = SimpleNamespace(weights={})
-    ranking = rivals_module.likeliest_first(bench, [], Ranking(5.0, (), tuple(judged), 1), anything, 0)
-    return [each.name for each in ranking.candidates], told
+    fits = rivals_module.WholeWindowFits(bench, [], anything)
+    ranking = rivals_module.likeliest_first(fits, Ranking(5.0, (), tuple(judged), 1), 0)
+    return [each.name for each in ranking.candidates], told, bench.fitted
 
 
 def test_of_usual_effects_the_likelier_one_is_first_too_if_it_is_supported(monkeypatch):
     names = [FIRST.name, RARER.name, OTHER.name]
-    found, told = the_likelier(monkeypatch, {(FIRST.name, OTHER.name): 1e3})
+    found, told, _ = the_likelier(monkeypatch, {(FIRST.name, OTHER.name): 1e3})
     assert found == names and told == [True], "by inputs as both predict them, of what is supported"
-    found, _ = the_likelier(monkeypatch, {(FIRST.name, RARER.name): 7.0})
+    found, _, _ = the_likelier(monkeypatch, {(FIRST.name, RARER.name): 7.0})
     assert found == [RARER.name, FIRST.name, OTHER.name]
+
+
+def test_each_is_fitted_once(monkeypatch):
+    odds = {(FIRST.name, RARER.name): 7.0, (RARER.name, OTHER.name): 7.0}
+    found, _, fitted = the_likelier(monkeypatch, odds, supported=3)
+    assert found == [OTHER.name, FIRST.name, RARER.name]
+    assert fitted == [FIRST.name, RARER.name, OTHER.name]
 
 
 def test_models_are_compared_with_the_same_inputs(monkeypatch):
     """As measured, where one of two models does not know one that the other predicts."""
-    _, told = the_likelier(monkeypatch, {}, inputs=lambda name: {"pressure"} if name == RARER.name else set())
+    _, told, _ = the_likelier(
+        monkeypatch, {}, inputs=lambda name: {"pressure"} if name == RARER.name else set()
+    )
     assert told == [False]
 
 
@@ -167,7 +181,7 @@ def test_a_constant_of_the_card_stays_first(monkeypatch):
     monkeypatch.setattr(rivals_module, "CardConstant", SimpleNamespace)
     ranking = Ranking(5.0, (), (candidate(constant, LOSSES), candidate(RARER, LOSSES - 1.0)), 1)
     anything: Any = None
-    assert rivals_module.likeliest_first(anything, [], ranking, anything, 0) is ranking
+    assert rivals_module.likeliest_first(anything, ranking, 0) is ranking
 
 
 def test_no_rarer_effect_is_tried_beside_one_that_leaves_a_part(monkeypatch):
