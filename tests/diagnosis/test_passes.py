@@ -52,6 +52,7 @@ class Outcome:
     declared: Any = SMOOTH
     violated_priors: Any = ()
     verdict: str = "effects found"
+    rounds: Any = ()
 
     @property
     def added(self):
@@ -181,6 +182,21 @@ def test_what_leaves_most_of_the_errors_of_predictions_does_not_count():
     assert not found.added
     found, _ = passes(Outcome(2.5), dataclasses.replace(stop, share_left=IMITATED))
     assert found.added == ("end_stop",)
+
+
+@pytest.mark.parametrize(
+    ("others", "counts"),
+    [((), False), ((True, True), True), ((True, False), False), ((None,), False), ((True, None), True)],
+)
+def test_what_leaves_most_counts_all_the_same_if_it_is_told_apart_from_all_others(others, counts):
+    """`others`: whether each was told apart; `None` of one that was not judged."""
+    entry = lambda told: SimpleNamespace(judged=told is not None, told_apart=told is not False)  # noqa: E731
+    ranking = [entry(False), *map(entry, others)]
+    rounds = [SimpleNamespace(added=None, ranking=[entry(False), entry(False)])]
+    rounds += [SimpleNamespace(added="dead_band", ranking=ranking)]
+    band = Outcome(1.9, ("dead_band",), share_left=IMITATED + 0.2, rounds=rounds)
+    found, _ = passes(Outcome(3.3), band)
+    assert found.added == (("dead_band",) if counts else ())
 
 
 def test_all_are_tried_where_a_wrong_constant_leaves_a_part():
