@@ -82,8 +82,8 @@ def best_pairs(
         model, accepted: the present model and its effects, of which `ranking` is.
     """
     judged = [candidate for candidate in ranking.candidates if candidate.judged]
-    leaders = [each for each in judged if not _has_constant(each.effects)][:LEADERS]
-    leaders += [each for each in judged if _has_constant(each.effects)][:LEADERS]
+    leaders = [each for each in judged if not each.has_constant][:LEADERS]
+    leaders += [each for each in judged if each.has_constant][:LEADERS]
     sought = bench.sought(accepted, much_is_left=True)
     if not any(effect not in leader.effects for leader in leaders for effect in sought):
         return _only(ranking, [], ranking.stretch)
@@ -158,14 +158,10 @@ def usual_first(pairs: Sequence[Candidate], found: int, stretch: int) -> list[Ca
     return [first, *(each for each in pairs if each is not first)]
 
 
-def _has_constant(effects: Sequence[Sought]) -> bool:
-    return any(isinstance(effect, CardConstant) for effect in effects)
-
-
 def _same_but_for_a_constant(one: Pair, other: Pair) -> bool:
     """Whether two pairs are of one effect, each with a constant of its own."""
     (first, effect), (second, of) = one[0], other[0]
-    return effect is of and _has_constant([first]) and _has_constant([second])
+    return effect is of and isinstance(first, CardConstant) and isinstance(second, CardConstant)
 
 
 def needed(single: Losses, both: Losses) -> bool:

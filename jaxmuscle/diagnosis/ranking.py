@@ -13,6 +13,7 @@ import numpy as np
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import search_all, search_work
 from jaxmuscle.diagnosis.candidates import Sought, paths_of, without
+from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import (
     TOLD_APART,
     Blocks,
@@ -84,6 +85,11 @@ class Candidate:
     def apart(self) -> list[Candidate]:
         """Its effects one by one, with the evidence of all of them."""
         return [dataclasses.replace(self, effects=(effect,)) for effect in self.effects]
+
+    @property
+    def has_constant(self) -> bool:
+        """Whether a constant of the card is among its effects."""
+        return any(isinstance(effect, CardConstant) for effect in self.effects)
 
     @property
     def judged(self) -> bool:

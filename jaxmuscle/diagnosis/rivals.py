@@ -9,7 +9,6 @@ from collections.abc import Sequence, Set
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import paths_of
-from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import STEPS
@@ -130,15 +129,11 @@ def likeliest_first(fits: WholeWindowFits, ranking: Ranking, found: int) -> Rank
     With a constant of the card the first one stays first.
     """
     best, *others = ranking.candidates
-    if _has_constant(best):
+    if best.has_constant:
         return ranking
     for each in others:
-        may = each.judged and each.evidence.supports(found) and not _has_constant(each)
+        may = each.judged and each.evidence.supports(found) and not each.has_constant
         if may and does_better(fits, each, best, ranking.stretch):
             best = each
     rest = (each for each in ranking.candidates if each is not best)
     return dataclasses.replace(ranking, candidates=(best, *rest))
-
-
-def _has_constant(candidate: Candidate) -> bool:
-    return any(isinstance(effect, CardConstant) for effect in candidate.effects)

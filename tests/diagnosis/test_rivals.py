@@ -19,6 +19,7 @@ from jaxmuscle.estimation.case import case
 from jaxmuscle.progress import Meter
 
 module = importlib.import_module("jaxmuscle.diagnosis.forward_selection")
+ranking_module = importlib.import_module("jaxmuscle.diagnosis.ranking")
 rivals_module = importlib.import_module("jaxmuscle.diagnosis.rivals")
 OFFSET, DRIFT = (reading_effect(kind, "force") for kind in ("sensor_offset", "sensor_drift"))
 THREADS = {"static_coefficient": 0.015, "kinetic_coefficient": 0.08, "velocity_constant": 0.15}
@@ -178,7 +179,7 @@ def test_models_are_compared_with_the_same_inputs(monkeypatch):
 
 def test_a_constant_of_the_card_stays_first(monkeypatch):
     constant = SimpleNamespace(name="constant:mass")
-    monkeypatch.setattr(rivals_module, "CardConstant", SimpleNamespace)
+    monkeypatch.setattr(ranking_module, "CardConstant", SimpleNamespace)
     ranking = Ranking(5.0, (), (candidate(constant, LOSSES), candidate(RARER, LOSSES - 1.0)), 1)
     anything: Any = None
     assert rivals_module.likeliest_first(anything, ranking, 0) is ranking
