@@ -10,7 +10,8 @@ from jaxtyping import Array
 from jaxmuscle.actuators import AbstractImposed, Held, Reading, StateVariable, register
 from jaxmuscle.actuators.actuator import State
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_velocity
+from jaxmuscle.effects.contacts import NONE, bristle, with_contacts
+from jaxmuscle.effects.slip import friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, LOAD, Signals
 
@@ -45,10 +46,14 @@ class SealedPiston(AbstractImposed):
         )
         force = self.area * signals.gauge_pressure + self.offset
         signals = self._with(signals, LOAD, force, states)
+        signals = with_contacts(self.effects, signals, lambda at: (NONE, self._dry_limit(at)))
         built_up = bristle(self.effects, states, signals)
         slip = slip_of_velocity(state["velocity"], widening=held.widening, bristle=built_up)
-        pushed = signals.load + friction_limit(self.effects, LOAD, signals) * slip
+        pushed = signals.load + self._dry_limit(signals) * slip
         return self._with(signals.having(force=pushed), FORCE_READING, pushed, states)
+
+    def _dry_limit(self, signals: Signals) -> Array | float:
+        return friction_limit(self.effects, LOAD, signals)
 
     def readings(self, signals: Signals) -> dict[str, Array]:
         return {"force": signals.force_reading}

@@ -126,7 +126,8 @@ class Signals(eqx.Module):
     load: Any = None  # N or N m, what accelerates the load
     position: Any = None  # m or rad, of the load
     velocity: Any = None  # m/s or rad/s
-    limit_over_rest: Any = 1.0  # of all dry friction, its limit in motion over that at rest
+    dry_limits: Any = None  # N or N m on the load, of dry friction in threads and in guide or bearing
+    limit_over_rest: Any = 1.0  # of each of the two, its limit in motion over that at rest
     force: Any = None  # N, what the force sensor is loaded with
     force_reading: Any = None  # N, what the force sensor shows
     found: Mapping[str, Any] = eqx.field(default_factory=dict)  # effect with a state → its slot before it

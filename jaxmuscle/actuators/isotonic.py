@@ -18,7 +18,8 @@ from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.components.gas import GAS_CONSTANT
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import chamber, state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass, with_limit_over_rest
+from jaxmuscle.effects.contacts import bristle, slips, with_contacts
+from jaxmuscle.effects.slip import friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
     COMMAND,
@@ -117,14 +118,16 @@ class Isotonic(AbstractActuator):
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
         loose = self._load(signals, signals.muscle_force, states)
-        signals = with_limit_over_rest(self.effects, signals, lambda at: self._dry_limits(at)[0])
-        limit, in_threads, in_guide = self._dry_limits(signals)
+        signals = with_contacts(self.effects, signals, self._dry_limits)
+        in_threads, in_guide = self._dry_limits(signals)
+        built_up = bristle(self.effects, states, signals)
         slip = slip_of_mass(
-            loose.load, self.mass * signals.velocity, limit, held.widening,
-            bristle(self.effects, states, signals), self.mass,
+            loose.load, self.mass * signals.velocity, jnp.asarray(in_threads + in_guide), held.widening,
+            built_up, self.mass,
         )  # fmt: skip
-        rubbed = self._load(signals, signals.muscle_force - in_threads * slip, states)
-        return rubbed.having(load=rubbed.load - in_guide * slip)
+        of_threads, of_guide = slips(slip, built_up)
+        rubbed = self._load(signals, signals.muscle_force - in_threads * of_threads, states)
+        return rubbed.having(load=rubbed.load - in_guide * of_guide)
 
     def _charged(self, signals: Signals, states: States) -> Signals:
         """The chain from the supply to the rate of the pressure."""
@@ -147,11 +150,10 @@ class Isotonic(AbstractActuator):
         rate = self.polytropic_exponent * (inflow - expanding) / signals.volume
         return self._with(signals, PRESSURE_RATE, rate, states)
 
-    def _dry_limits(self, signals: Signals) -> tuple[Array, Array | float, Array | float]:
-        """Limits of dry friction: of all, in the muscle's threads, in the guide [N]."""
+    def _dry_limits(self, signals: Signals) -> tuple[Array | float, Array | float]:
+        """Limits of dry friction in the muscle's threads and in the guide [N]."""
         in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals)
-        in_guide = friction_limit(self.effects, LOAD, signals)
-        return jnp.asarray(in_threads + in_guide), in_threads, in_guide
+        return in_threads, friction_limit(self.effects, LOAD, signals)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle force, which cannot push, to what accelerates the mass."""

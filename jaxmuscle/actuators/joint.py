@@ -18,7 +18,8 @@ from jaxmuscle.components.antagonist import joint_range
 from jaxmuscle.components.cylinder import stopped, stopped_acceleration, tension
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import altered_muscle, state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit, slip_of_mass, with_limit_over_rest
+from jaxmuscle.effects.contacts import bristle, slips, with_contacts
+from jaxmuscle.effects.slip import friction_limit, slip_of_mass
 from jaxmuscle.effects.transmission import Pulls, arms, over_joints, shortening, unwound
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import COMMAND, LOAD, MUSCLE_FORCE, Signals
@@ -125,21 +126,26 @@ class AbstractOpposedMuscles(AbstractPulledJoints):
         states = {**state.get("effects", {}), **held.memory}
         signals = self._up_to_the_muscles(state, held, states, SIDES)
         loose = self._load(signals, signals.muscle_force, states)
-        signals = with_limit_over_rest(self.effects, signals, lambda at: self._dry_limits(at)[0])
-        limit, in_threads, in_bearing = self._dry_limits(signals)
+        signals = with_contacts(self.effects, signals, self._dry_limits)
+        of_all_threads, in_bearing = self._dry_limits(signals)
+        built_up = bristle(self.effects, states, signals)
         slip = slip_of_mass(
-            loose.load, self.inertia * signals.velocity, limit, held.widening,
-            bristle(self.effects, states, signals), self.inertia,
+            loose.load, self.inertia * signals.velocity, of_all_threads + in_bearing, held.widening,
+            built_up, self.inertia,
         )  # fmt: skip
-        rubbed = self._load(signals, signals.muscle_force - in_threads * SIDES * slip, states)
-        return rubbed.having(load=rubbed.load - in_bearing * slip)
+        of_threads, of_bearing = slips(slip, built_up)
+        in_threads = self._in_threads(signals)
+        rubbed = self._load(signals, signals.muscle_force - in_threads * SIDES * of_threads, states)
+        return rubbed.having(load=rubbed.load - in_bearing * of_bearing)
 
-    def _dry_limits(self, signals: Signals) -> tuple[Array, Array, Array | float]:
-        """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearing [N m]."""
-        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(2)
-        in_bearing = friction_limit(self.effects, LOAD, signals)
-        limit = self._torque(in_threads * SIDES, signals.position, SIDES) + in_bearing
-        return limit, in_threads, in_bearing
+    def _in_threads(self, signals: Signals) -> Array:
+        """Limit of the dry friction in the threads of each muscle [N]."""
+        return friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(2)
+
+    def _dry_limits(self, signals: Signals) -> tuple[Array, Array | float]:
+        """Limits of dry friction of all threads together and in the bearing [N m]."""
+        of_threads = self._torque(self._in_threads(signals) * SIDES, signals.position, SIDES)
+        return of_threads, friction_limit(self.effects, LOAD, signals)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torque on the joint."""

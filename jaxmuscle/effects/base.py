@@ -159,18 +159,19 @@ class AbstractMemoryEffect(AbstractEffect):
 class AbstractSlipEffect(AbstractMemoryEffect):
     """An effect that changes how dry friction builds up on the way; a machine asks for its :class:`Bristle`.
 
-    The value is the share of the friction's limit that has built up. A rig that hands a bristle to
-    :func:`slip_of_mass` says so by ``slip`` among its `available` signals, and before it asks for the bristle
-    fills in how large the limit is over that at rest (:func:`with_limit_over_rest`).
+    The value is the share of the limit that the friction of each contact has built up, of the threads and of
+    guide or bearing. A rig that hands a bristle to :func:`slip_of_mass` says so by ``slip`` among its
+    `available` signals, and before it asks for the bristle fills in the limit of each contact and how large
+    it is over that at rest (:func:`jaxmuscle.effects.contacts.with_contacts`).
     """
 
     @abc.abstractmethod
-    def deflection(self, signals: Signals) -> Array:
-        """Way over which the friction builds up, in the unit of the motion; zero without the effect."""
+    def deflection(self) -> Array:
+        """Way over which friction at rest builds up, in the unit of the motion; zero without the effect."""
 
     @abc.abstractmethod
     def damping(self) -> Array:
-        """Damping of what builds up over its stiffness [s]; without effect where the motion is imposed."""
+        """Damping of what builds up over its stiffness [s]."""
 
 
 Effects = Mapping[str, AbstractEffect]

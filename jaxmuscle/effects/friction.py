@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -120,6 +120,19 @@ class PressureDependentFriction(AbstractFrictionEffect):
         return self.coefficient * gauge.reshape((*jnp.shape(signals.velocity), -1)).sum(-1)
 
 
+CONTACTS = 2
+"""Threads; guide or bearing."""
+
+
+class Bent(NamedTuple):
+    """Bristles of each contact after a step: bend, limit over that at rest; place and velocity there."""
+
+    bend: Array
+    ratio: Array
+    place: Array
+    velocity: Array
+
+
 class Presliding(AbstractSlipEffect):
     r"""Dry friction builds up over a small elastic deflection before anything slides.
 
@@ -128,10 +141,13 @@ class Presliding(AbstractSlipEffect):
 
     LuGre (Canudas de Wit et al., IEEE Trans. Automatic Control 40, 1995, equations 1 to 3) with
     :math:`σ_0 = L_0/δ` and :math:`σ_1 = T σ_0`; Dahl (1968), exponent 1, where the limit L of all dry
-    friction of the machine together (`load_friction`, `thread_friction`, …), L_0 at rest, does not change
-    with the velocity. Without such friction nothing changes. z is exact over straight moves x [m or rad] at
-    a constant c. T is the `damping_time` (:func:`jaxmuscle.effects.slip.slip_of_mass`); where the motion is
-    imposed it has no effect. Valid from δ = 0, the law without bristles, upwards.
+    friction of a contact, L_0 at rest, does not change with the velocity. The threads of the muscles
+    (`thread_friction`) are one contact, guide or bearing of the load (`load_friction`, `stribeck`, …) another
+    one, with bristles of their own that bend by the same δ. Without such friction nothing changes. z is
+    exact over straight moves x [m or rad] at a constant c. Where c changes in a step, half of the way, or the
+    way up to where the motion turns round, goes by what c was, the rest by what it is. T is the
+    `damping_time` (:func:`jaxmuscle.effects.slip.slip_of_mass`). Valid from δ = 0, the law without bristles,
+    upwards.
     """
 
     name: ClassVar = "presliding"
@@ -149,20 +165,34 @@ class Presliding(AbstractSlipEffect):
         "s", "damping of the deflection over its stiffness", default=DAMPING_TIME, positive=True
     )
 
-    def initial(self, signals: Signals) -> tuple[Array, Array]:
-        return jnp.zeros_like(_moved(signals)), _moved(signals)
+    def initial(self, signals: Signals) -> Bent:
+        place, velocity = _motion(signals)
+        straight = jnp.zeros((CONTACTS, *jnp.shape(place)))
+        return Bent(straight, jnp.ones_like(straight), place, velocity)
 
-    def update(self, memory: tuple[Array, Array], signals: Signals, step: Array) -> tuple[Array, Array]:
-        return signals.limit_over_rest * self.value(memory, signals), _moved(signals)
+    def update(self, memory: Bent, signals: Signals, step: Array) -> Bent:
+        place, velocity = _motion(signals)
+        before, way = memory.velocity, place - memory.place
+        turns = before * velocity < 0
+        # At an even deceleration the motion turns round after h v0/(v0 - v1).
+        out = step * jnp.square(before) / (2 * jnp.where(turns, before - velocity, 1.0))
+        bend = self._bend(memory, signals, jnp.where(turns, out, way / 2), way)
+        return Bent(bend, signals.limit_over_rest, place, velocity)
 
-    def value(self, memory: tuple[Array, Array], signals: Signals) -> Array:
-        bend, before = memory
-        ratio = signals.limit_over_rest
+    def value(self, memory: Bent, signals: Signals) -> Array:
+        way = _motion(signals)[0] - memory.place
+        return self._bend(memory, signals, way / 2, way) / signals.limit_over_rest
+
+    def _bend(self, memory: Bent, signals: Signals, first: Array, way: Array) -> Array:
+        """Bend after a way whose first part goes by the limit that was, the rest by the one that is."""
         distance = jnp.where(self.distance > LEAST_DISTANCE, self.distance, LEAST_DISTANCE)
-        return dahl(bend / ratio, _moved(signals) - before, ratio * distance)
+        bend = memory.bend
+        for ratio, part in ((memory.ratio, first), (signals.limit_over_rest, way - first)):
+            bend = ratio * dahl(bend / ratio, part, ratio * distance)
+        return bend
 
-    def deflection(self, signals: Signals) -> Array:
-        return signals.limit_over_rest * self.distance
+    def deflection(self) -> Array:
+        return self.distance
 
     def damping(self) -> Array:
         return self.damping_time
@@ -172,6 +202,8 @@ LEAST_DISTANCE = 1e-12
 """Way within which friction turns round when it has no bristles [m or rad]."""
 
 
-def _moved(signals: Signals) -> Array:
-    """Position of what rubs: of the load, or where there is none the muscle's contraction."""
-    return signals.contraction if signals.position is None else signals.position
+def _motion(signals: Signals) -> tuple[Array, Array]:
+    """Place and velocity of what rubs: of the load, or where there is none of the muscle's contraction."""
+    if signals.position is None:
+        return signals.contraction, signals.contraction_velocity
+    return signals.position, signals.velocity

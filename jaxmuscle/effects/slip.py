@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect, Effects, States
+from jaxmuscle.effects.base import AbstractFrictionEffect, Effects
 from jaxmuscle.signals import Signals, Slot
 
 STICKING_TIME = 5e-4
@@ -27,12 +26,20 @@ LEAST_BENDING = 1e-3
 class Bristle(NamedTuple):
     """Share of the limit to which dry friction has built up, and the way that it takes.
 
-    `damping_time`: damping over stiffness [s].
+    Attributes:
+        share: z, of all contacts together.
+        distance: δ, zero where friction acts at once.
+        damping_time: T, damping over stiffness [s].
+        bent: how far the bristles are bent, as damping goes by it: of several contacts the stiff ones count
+            for more; the share when `None`.
+        beyond: of each contact, by how much its share differs from that of all; `None` if all are one.
     """
 
     share: Array
     distance: Array
     damping_time: Array | float = DAMPING_TIME
+    bent: Array | None = None
+    beyond: Array | None = None
 
 
 def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | float:
@@ -41,36 +48,6 @@ def friction_limit(effects: Effects, slot: Slot, signals: Signals) -> Array | fl
         e.limit(signals) for e in effects.values() if isinstance(e, AbstractFrictionEffect) and e.slot == slot
     ]
     return sum(limits, start=0.0)
-
-
-def with_limit_over_rest(
-    effects: Effects, signals: Signals, limit: Callable[[Signals], Array | float]
-) -> Signals:
-    """`signals` with the limit of all dry friction over that at rest, where an effect asks for it.
-
-    Args:
-        limit: signals → limit of a machine; at rest where velocities of the load and of its muscles are zero.
-    """
-    if not any(isinstance(effect, AbstractSlipEffect) for effect in effects.values()):
-        return signals
-    still = {
-        name: 0.0 * value
-        for name in ("velocity", "contraction_velocity")
-        if (value := getattr(signals, name)) is not None
-    }
-    moving, at_rest = (jnp.asarray(limit(at)) for at in (signals, signals.having(**still)))
-    some = (moving > 0) & (at_rest > 0)
-    ratio = jnp.where(some, moving, 1.0) / jnp.where(some, at_rest, 1.0)
-    return signals.having(limit_over_rest=ratio)
-
-
-def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | None:
-    """How far dry friction has built up; `None` where it acts at once, without an effect on it."""
-    for name, effect in effects.items():
-        if isinstance(effect, AbstractSlipEffect):
-            share, way = effect.value(states.get(name), signals), effect.deflection(signals)
-            return Bristle(share, way, effect.damping())
-    return None
 
 
 def slip_of_mass(
@@ -150,9 +127,14 @@ def softening(bristle: Bristle, limit: Array, sense: Array, widening: Array | fl
     """
     sticking = _widened(STICKING_TIME, widening)
     stiff = stiffness(bristle, limit, widening)
-    bending = jnp.maximum(1.0 - sense * bristle.share, LEAST_BENDING)
+    bending = jnp.maximum(_bending(bristle, sense), LEAST_BENDING)
     time = _widened(bristle.damping_time, widening) + _widened(DAMPING_TIME, widening) * stiff
     return bristle.distance / (sticking * time * bending)
+
+
+def _bending(bristle: Bristle, sense: Array) -> Array:
+    """Rate at which bristles bend on the way, over that of straight ones, 1 - z s."""
+    return 1.0 - sense * (bristle.share if bristle.bent is None else bristle.bent)
 
 
 def slip_of_velocity(
@@ -163,10 +145,17 @@ def slip_of_velocity(
 ) -> Array:
     """Slip where the motion is imposed: tanh(v/width) with a width far below any bench's velocities [m/s].
 
-    `widening`: factor of the width, as in :func:`slip_of_mass`. With a bristle, its share.
+    With a bristle :math:`z + T v (1 - z s)/δ`, not beyond what it reaches.
+
+    Args:
+        widening: factor of the width, as in :func:`slip_of_mass`.
     """
     slip = jnp.tanh(velocity / _widened(width, widening))
-    return slip if bristle is None else jnp.where(bristle.distance > 0, bristle.share, slip)
+    if bristle is None:
+        return slip
+    some, most = bristle.distance > 0, jnp.maximum(jnp.abs(bristle.share), 1.0)
+    rate = velocity * _bending(bristle, jnp.sign(velocity)) / jnp.where(some, bristle.distance, 1.0)
+    return jnp.where(some, jnp.clip(bristle.share + bristle.damping_time * rate, -most, most), slip)
 
 
 def _widened(width: Array | float, widening: Array | float | None) -> Array | float:

@@ -19,7 +19,8 @@ from jaxmuscle.components import McKibben, PressureRegulator
 from jaxmuscle.components.cylinder import at_stops, pressing, tension
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import state_rates
-from jaxmuscle.effects.slip import bristle, friction_limit, with_limit_over_rest
+from jaxmuscle.effects.contacts import bristle, slips, with_contacts
+from jaxmuscle.effects.slip import friction_limit
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.robot.arm import Arm, between_stops, coupled_slip, stop_torque
 from jaxmuscle.robot.kinematics import jacobian, tip
@@ -131,23 +132,28 @@ class Scara(AbstractMuscleJoints):
         states = {**state.get("effects", {}), **held.memory}
         signals = self._up_to_the_muscles(state, held, states, PULLS)
         loose = self._load(signals, signals.muscle_force, states)
-        signals = with_limit_over_rest(self.effects, signals, lambda at: self._dry_limits(at)[0])
-        limit, in_threads, in_bearing = self._dry_limits(signals)
+        signals = with_contacts(self.effects, signals, self._dry_limits)
+        of_all_threads, in_bearing = self._dry_limits(signals)
+        limit = of_all_threads + in_bearing
         # A barrier: else XLA computes what leads to a torque once for each of its many uses.
         driving = optimization_barrier(loose.load - self.arm.bias(loose.position, loose.velocity))
         mass = self.arm.mass_matrix(loose.position)
         stops = at_stops(loose.position, *self._ends)
         built_up = bristle(self.effects, states, signals)
         slip = coupled_slip(driving, loose.velocity, limit, mass, held.widening, stops, built_up)
-        rubbed = self._load(signals, signals.muscle_force - in_threads * (slip @ PULLS), states)
-        return rubbed.having(load=rubbed.load - in_bearing * slip)
+        of_threads, of_bearing = slips(slip, built_up)
+        in_threads = self._in_threads(signals)
+        rubbed = self._load(signals, signals.muscle_force - in_threads * (of_threads @ PULLS), states)
+        return rubbed.having(load=rubbed.load - in_bearing * of_bearing)
 
-    def _dry_limits(self, signals: Signals) -> tuple[Array, Array, Array]:
-        """Limits of dry friction: of all [N m], in the threads of each muscle [N], in the bearings [N m]."""
-        in_threads = friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(4)
-        in_bearing = friction_limit(self.effects, LOAD, signals) * jnp.ones(2)
-        limit = self._torque(in_threads * PULLS, signals.position, PULLS) + in_bearing
-        return limit, in_threads, in_bearing
+    def _in_threads(self, signals: Signals) -> Array:
+        """Limit of the dry friction in the threads of each muscle [N]."""
+        return friction_limit(self.effects, MUSCLE_FORCE, signals) * jnp.ones(4)
+
+    def _dry_limits(self, signals: Signals) -> tuple[Array, Array]:
+        """Limits of dry friction of the threads and of the bearing at each joint [N m]."""
+        of_threads = self._torque(self._in_threads(signals) * PULLS, signals.position, PULLS)
+        return of_threads, friction_limit(self.effects, LOAD, signals) * jnp.ones(2)
 
     def _load(self, signals: Signals, muscle_force: Array, states: States) -> Signals:
         """The chain from the muscle forces, which cannot push, to the torques at the joints."""

@@ -16,6 +16,8 @@ from oracles.muscle import (
 
 FINE = 50
 """Substeps to a sample of what creeps."""
+PARTS = 16
+"""Straight moves to a sample of what rubs."""
 
 
 def driven(card, effects, pressure, contraction, velocity, step=0.01):
@@ -41,13 +43,26 @@ def driven(card, effects, pressure, contraction, velocity, step=0.01):
 
 
 def _bent(effects, distance, contraction, velocity, step):
-    """Friction over its limit at the samples, the threads' bristles unbent at first."""
+    """Friction over its limit at the samples, the threads' bristles unbent at first.
+
+    Between samples the motion is the cubic with their places and velocities, in short straight moves: over a
+    whole sample friction changes with the velocity, and a reversal in between bends bristles back.
+    """
     threads = Bristles(distance, course(partial(thread_coefficient, effects)))
-    shares = [threads.share(velocity[0])]
-    for way, v in zip(np.diff(contraction), velocity[1:], strict=True):
-        threads.slide(way / step, step)
-        shares.append(threads.share(v))
+    shares, h = [threads.share(velocity[0])], step / PARTS
+    for places, speeds in zip(pairwise(contraction), pairwise(velocity), strict=True):
+        path = hermite(places, speeds, step)
+        for way in np.diff(path):
+            threads.slide(way / h, h)
+        shares.append(threads.share(speeds[1]))
     return np.array(shares)
+
+
+def hermite(places, speeds, step):
+    """Places on the cubic with these places and speeds at its ends, at the ends of `PARTS` equal times."""
+    s = np.linspace(0, 1, PARTS + 1)
+    bend = (2 * s**3 - 3 * s**2) * (places[0] - places[1])
+    return places[0] + bend + step * (speeds[0] * (s**3 - 2 * s**2 + s) + speeds[1] * (s**3 - s**2))
 
 
 def lagged(force, step, time_constant, substeps):
