@@ -220,13 +220,22 @@ def compared(row: Row) -> Iterator[tuple[float, list[float] | None]]:
 
 
 def same_sprocket(found: Row, truth: Row) -> Row:
-    """An eccentric sprocket with a positive eccentricity, as drawn, its phase within half a turn of the true
-    one: the other sign is the same sprocket half a turn on.
+    """An eccentric sprocket with a positive eccentricity, as drawn, its angles within half a turn of the true
+    ones: the other sign is the same sprocket half a turn on.
     """
-    (size, size_std), (phase, phase_std) = found["eccentricity"], found["phase"]
-    phase += math.pi if size < 0 else 0.0
-    phase -= 2 * math.pi * round((phase - truth["phase"]) / (2 * math.pi))
-    return found | {"eccentricity": [abs(size), size_std], "phase": [phase, phase_std]}
+
+    def nearest(name: str, more: float = 0.0) -> list[float]:
+        angle, std = found[name]
+        angle += more
+        return [angle - 2 * math.pi * round((angle - truth[name]) / (2 * math.pi)), std]
+
+    size, size_std = found["eccentricity"]
+    phase = nearest("phase", math.pi if size < 0 else 0.0)
+    return found | {
+        "eccentricity": [abs(size), size_std],
+        "phase": phase,
+        "wrap_angle": nearest("wrap_angle"),
+    }
 
 
 def uncompared(rows: Sequence[Row]) -> str:

@@ -228,13 +228,15 @@ def test_an_eccentric_sprocket_of_the_other_sign_is_the_same_half_a_turn_on():
     true = {"eccentricity": 0.02, "phase": 3.0, "wrap_angle": 1.0}
     found = {"p": 1e-6, "eccentricity": [-0.021, 0.001], "phase": [-0.1, 0.1], "wrap_angle": [1.1, 0.1]}
 
-    def covered(phase):
-        same = found | {"phase": [phase, 0.1]}
+    def covered(phase, wrap=1.1):
+        same = found | {"phase": [phase, 0.1], "wrap_angle": [wrap, 0.1]}
         both = {"truth": {"eccentric_sprocket": true}, "found": {"eccentric_sprocket": same}}
         return list(blind.coverage(row([], []) | both))
 
     assert covered(-0.1) == covered(-0.1 + 2 * np.pi) == [True, True, True]
     assert covered(3.0) == [True, False, True]
+    assert covered(-0.1, 1.1 - 2 * np.pi) == [True, True, True]
+    assert covered(-0.1, 1.1 - np.pi) == [True, True, False]
 
 
 def test_shares_of_what_is_drawn():

@@ -53,21 +53,23 @@ def more_likely(one: Residuals, other: Residuals, weights: Residuals, parameters
     :math:`\sum_c (S_c - S'_c) / (σ_c^2 τ_c) - k \ln n` (Schwarz, Ann. Stat. 6, 1978), as in
     :func:`likelihood_ratio_test` but of models that need not be nested: σ² and τ are those of the model that
     leaves more, so that neither is favoured; n: independent readings of the columns in which the models
-    differ, as only these tell of their parameters.
+    differ, as only these tell of their parameters; of all, where they predict the same: then the one with
+    fewer parameters is the likelier.
 
     Args:
         one, other: weighted residuals of each output, (windows, samples) or with a muscle each.
         weights: positive where a reading counts.
         parameters: k, how many the other model has more.
     """
-    fall, independent = 0.0, 0.0
+    fall, independent, of_all = 0.0, 0.0, 0.0
     for small, large, there in _columns(one, other, weights):
         time = max(_memory(each, there) for each in (small, large))
         size = max(_mean_square(each, there) for each in (small, large))
         fall += _fall(small, large, there) / (size * time)
+        of_all += there.sum() / time
         if float(((small - large)[there] ** 2).sum()) > size:
             independent += there.sum() / time
-    return fall - parameters * float(np.log(max(independent, 1.0)))
+    return fall - parameters * float(np.log(max(independent or of_all, 1.0)))
 
 
 def _fall(small: Line, large: Line, there: Counts) -> float:

@@ -90,4 +90,11 @@ def test_parameters_more_have_to_be_worth_it():
     assert few - more == pytest.approx(2 * np.log(count), rel=0.05)
     beside = [each | {"pressure": same["angle"]} for each in (one, other, there)]
     assert more_likely(beside[0], beside[1], beside[2], 2) == pytest.approx(more, rel=1e-9)
-    assert more_likely(one, one, there, 2) == 0.0
+
+
+def test_of_two_models_that_predict_the_same_the_one_with_fewer_parameters_is_the_likelier_one():
+    count, rng = WINDOWS * SAMPLES, np.random.default_rng(6)
+    one, there = shaped(rng.normal(size=count)), shaped(np.ones(count))
+    assert more_likely(one, one, there, 0) == 0.0
+    assert more_likely(one, one, there, -1) == pytest.approx(np.log(count), rel=0.05)
+    assert more_likely(one, one, there, 1) == -more_likely(one, one, there, -1)

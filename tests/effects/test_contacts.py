@@ -65,14 +65,16 @@ def test_a_muscle_that_is_moved_equals_the_oracle():
 
 def built_up(limits, shares, ratio, distance, damping_time=5e-4):
     """Bristle of two contacts of one mass, with such shares of their limits in motion."""
-    effects = {"presliding": Presliding(distance=distance, damping_time=damping_time)}
+    effects = {"presliding": Presliding(jnp.asarray(distance), jnp.asarray(damping_time))}
     signals = Signals(position=jnp.asarray(0.0), velocity=jnp.asarray(0.0))
     memory = effects["presliding"].initial(signals)
     memory = memory._replace(bend=jnp.asarray(ratio) * jnp.asarray(shares), ratio=jnp.asarray(ratio))
     signals = with_contacts(effects, signals, lambda at: tuple(limits)).having(
         limit_over_rest=jnp.asarray(ratio)
     )
-    return bristle(effects, {"presliding": memory}, signals)
+    found = bristle(effects, {"presliding": memory}, signals)
+    assert found is not None
+    return found
 
 
 def test_contacts_side_by_side_share_the_friction_of_both():
