@@ -101,7 +101,7 @@ def contribution(effect_type, strength, velocity):
         return jnp.stack([of(now.position, each) for of in (effect.winding, effect.lever) for each in (0, 1)])
     if isinstance(effect, AbstractSlipEffect):
         memory = effect.update(effect.initial(before), now, jnp.asarray(2e-3))
-        bristle = Bristle(effect.value(memory, now), effect.deflection(now), effect.damping())
+        bristle = Bristle(effect.value(memory, now), effect.deflection(), effect.damping())
         # Of 0.04 kg m^2, nearly stuck where it does not move.
         pushed = jnp.asarray(0.7), 0.04 * now.velocity, jnp.asarray(1.0), None
         return slip_of_mass(*pushed, bristle, 0.04) - slip_of_mass(*pushed)
