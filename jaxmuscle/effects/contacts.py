@@ -15,6 +15,8 @@ from jaxmuscle.effects.base import AbstractSlipEffect, Effects, States
 from jaxmuscle.effects.slip import Bristle
 from jaxmuscle.signals import Signals
 
+CONTACTS = 2
+"""Threads; guide or bearing."""
 NONE = 0.0
 """Limit of a contact that a machine does not have."""
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect
+from jaxmuscle.effects.contacts import CONTACTS
 from jaxmuscle.effects.slip import DAMPING_TIME
 from jaxmuscle.hysteresis.operators import dahl
 from jaxmuscle.parameters import Scalar, parameter
@@ -118,10 +119,6 @@ class PressureDependentFriction(AbstractFrictionEffect):
         gauge = jnp.maximum(signals.gauge_pressure, 0.0)
         # The muscles of one joint, or the chambers of one piston, lie side by side.
         return self.coefficient * gauge.reshape((*jnp.shape(signals.velocity), -1)).sum(-1)
-
-
-CONTACTS = 2
-"""Threads; guide or bearing."""
 
 
 class Bent(NamedTuple):
