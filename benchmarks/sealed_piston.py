@@ -10,7 +10,7 @@ from jaxtyping import Array
 from jaxmuscle.actuators import AbstractImposed, Held, Reading, StateVariable, register
 from jaxmuscle.actuators.actuator import State
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.contacts import NONE, bristle, with_contacts
+from jaxmuscle.effects.contacts import NO_CONTACT, bristle, with_contacts
 from jaxmuscle.effects.slip import friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, LOAD, Signals
@@ -46,7 +46,7 @@ class SealedPiston(AbstractImposed):
         )
         force = self.area * signals.gauge_pressure + self.offset
         signals = self._with(signals, LOAD, force, states)
-        signals = with_contacts(self.effects, signals, lambda at: (NONE, self._dry_limit(at)))
+        signals = with_contacts(self.effects, signals, lambda at: (NO_CONTACT, self._dry_limit(at)))
         built_up = bristle(self.effects, states, signals)
         slip = slip_of_velocity(state["velocity"], widening=held.widening, bristle=built_up)
         pushed = signals.load + self._dry_limit(signals) * slip

@@ -13,7 +13,7 @@ from jaxmuscle.actuators.variables import Reading, StateVariable
 from jaxmuscle.components import McKibben
 from jaxmuscle.components.cylinder import tension
 from jaxmuscle.effects.base import AbstractEffect
-from jaxmuscle.effects.contacts import NONE, bristle, with_contacts
+from jaxmuscle.effects.contacts import NO_CONTACT, bristle, with_contacts
 from jaxmuscle.effects.slip import friction_limit, slip_of_velocity
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import FORCE_READING, MUSCLE_FORCE, Signals
@@ -64,7 +64,7 @@ class Driven(AbstractImposed):
         )
         force = self.muscle.force(signals.contraction, signals.gauge_pressure, self.muscle.end_factor)
         signals = self._with(signals, MUSCLE_FORCE, force, states)
-        signals = with_contacts(self.effects, signals, lambda at: (self._dry_limit(at), NONE))
+        signals = with_contacts(self.effects, signals, lambda at: (self._dry_limit(at), NO_CONTACT))
         built_up = bristle(self.effects, states, signals)
         slip = slip_of_velocity(state["velocity"], widening=held.widening, bristle=built_up)
         friction = self._dry_limit(signals) * slip

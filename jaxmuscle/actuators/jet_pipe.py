@@ -16,7 +16,7 @@ from jaxmuscle.components import ChamberGas, CurrentDriver, Cylinder, JetPipe, P
 from jaxmuscle.components.gas import heat_of
 from jaxmuscle.effects.base import AbstractEffect, States
 from jaxmuscle.effects.chain import state_rates
-from jaxmuscle.effects.contacts import NONE, bristle, with_contacts
+from jaxmuscle.effects.contacts import NO_CONTACT, bristle, with_contacts
 from jaxmuscle.effects.slip import friction_limit, slip_of_mass
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import (
@@ -296,7 +296,7 @@ class JetPipePiston(AbstractJetPipe):
         rod = self.piston.rod_force(self.stopper_position - self.cylinder.stopper_length - x, v)
         net = self.cylinder.force(signals.pressure) - rod + self.piston.end_force(x, v)
         signals = self._with(signals, LOAD, net - self.piston.viscous_force(v), states)
-        signals = with_contacts(self.effects, signals, lambda at: (NONE, self._dry_limit(at)))
+        signals = with_contacts(self.effects, signals, lambda at: (NO_CONTACT, self._dry_limit(at)))
         limit = self._dry_limit(signals)
         built_up = bristle(self.effects, states, signals)
         mass = self.piston.mass

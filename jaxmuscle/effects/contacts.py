@@ -17,7 +17,7 @@ from jaxmuscle.signals import Signals
 
 CONTACTS = 2
 """Threads; guide or bearing."""
-NONE = 0.0
+NO_CONTACT = 0.0
 """Limit of a contact that a machine does not have."""
 
 
@@ -29,8 +29,8 @@ def with_contacts(
     """`signals` with the limit of each contact and how large it is over that at rest, where an effect asks.
 
     Args:
-        limits: signals → limits of the threads and of guide or bearing, on the load (:data:`NONE` of one
-            that a machine does not have); at rest where velocities of load and muscles are zero.
+        limits: signals → limits of the threads and of guide or bearing, on the load (:data:`NO_CONTACT` of
+            one that a machine does not have); at rest where velocities of load and muscles are zero.
     """
     if not any(isinstance(effect, AbstractSlipEffect) for effect in effects.values()):
         return signals
@@ -53,9 +53,17 @@ def bristle(effects: Effects, states: States, signals: Signals) -> Bristle | Non
     Of contacts with limits :math:`L_i`, shares :math:`z_i` and ways :math:`δ_i` that bear the load side by
     side: :math:`L = \sum L_i`, :math:`L z = \sum L_i z_i`, and as stiffnesses add,
     :math:`L/δ = \sum L_i/δ_i`. Damping goes by the share that :math:`L_i/δ_i` weigh.
+
+    Raises:
+        ValueError: signals of a rig that did not say its limits.
     """
     for name, effect in effects.items():
         if isinstance(effect, AbstractSlipEffect):
+            if signals.dry_limits is None:
+                raise ValueError(
+                    f"expected the limits of dry friction for {name}; got signals without any: a rig calls "
+                    "with_contacts before it asks for its bristle"
+                )
             shares = effect.value(states.get(name), signals)
             distance, softness = effect.deflection(), signals.limit_over_rest
             weights = _weights(signals.dry_limits)
