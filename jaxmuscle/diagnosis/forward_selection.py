@@ -95,7 +95,7 @@ class ForwardSelection:
             self.parts = self.training
         most = min(self.given + MOST_EFFECTS, len(self.bench.candidates) + len(self.bench.constants))
         while len(self.found) < most:
-            left = max(self.bench.mean_squares(self.model, self.training).values())
+            left = self._left()
             much = left > 1 + MUCH**2
             quiet = left < NOTHING_LEFT or self._may_be_form_of_friction(left)
             quiet = quiet and not self._contradicts_the_card()
@@ -103,6 +103,10 @@ class ForwardSelection:
                 break
             self._replace_earlier()
             self._remove_unneeded()
+
+    def _left(self) -> float:
+        """Mean square of what the model leaves over whole windows, of the worst output (1 = noise)."""
+        return max(self.bench.mean_squares(self.model, self.training).values())
 
     def _may_be_form_of_friction(self, left: float) -> bool:
         """Whether dry friction was found and leaves so little that its law may be the cause."""
@@ -158,7 +162,16 @@ class ForwardSelection:
             alone = self.rankings.get(earlier.name)
             if alone is None:
                 continue
-            again = replacements(self.bench, self.model, self.names, alone, self.parts, self.meter)
+            again = replacements(
+                self.bench,
+                self.model,
+                self.names,
+                alone,
+                self.parts,
+                self.training,
+                self.meter,
+                something_is_left=self._left() > 1 + MISSING**2,
+            )
             if again is None:
                 continue
             best, others = again.candidates[0], [name for name in self.names if name != earlier.name]
