@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.diagnosis.candidate_search import from_other_shapes
 from jaxmuscle.diagnosis.candidates import is_dry_friction
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
@@ -294,8 +295,11 @@ class ForwardSelection:
         self.meter.did(REFIT, f"looking whether the model with {best.name} lacks anything else")
 
     def _refit(self, begins: Sequence[AbstractActuator]) -> None:
-        """Fit everything, from several models."""
+        """Fit everything, from several models, and where something is left from other shapes, too."""
         fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
+        if max(self.bench.mean_squares(fitted.model, self.training).values()) > NOTHING_LEFT:
+            effects = [effect for candidate in self.found for effect in candidate.effects]
+            fitted = from_other_shapes(self.bench, fitted, self.names, effects, self.training)
         self.model, self.converged = fitted.model, fitted.converged
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis import candidate_search
 from jaxmuscle.diagnosis.candidate_search import (
@@ -14,9 +15,14 @@ from jaxmuscle.diagnosis.candidate_search import (
     LEAST,
     PLENTY,
     _needed,
+    from_other_shapes,
     search_all,
 )
-from jaxmuscle.diagnosis.workbench import Workbench
+from jaxmuscle.diagnosis.settled_fit import best_of
+from jaxmuscle.diagnosis.workbench import Workbench, workbench
+from jaxmuscle.effects import BladderStiffness, ForceDrift
+from jaxmuscle.estimation.case import case
+from jaxmuscle.parameters import get, replace
 from jaxmuscle.progress import Meter
 
 WINDOWS, SAMPLES, PERIOD, MISSED = 4, 100, 25, 5.0
@@ -99,3 +105,19 @@ def test_of_one_that_agrees_with_the_card_only_the_best_are(monkeypatch):
     names, costs = searched_from_card(monkeypatch, BENT - 0.1)
     assert names == ["delay", "leak"] and len(names) == AGAIN
     assert costs == [7.0, 2.5, 4.5, 1.0]
+
+
+def test_a_fit_that_came_to_rest_at_a_wrong_shape_is_carried_on_from_others():
+    drift = {"share": 0.038, "time_constant": 6.5}
+    prepared = case(driven_recording({"force_drift": drift}, driven_card({}), seed=2), 0.3, None)
+    bench, names = workbench(prepared, [ForceDrift, BladderStiffness]), ["force_drift"]
+    slow = {"effects.force_drift.share": 0.3, "effects.force_drift.time_constant": 3000.0}
+    begun = replace(bench.dressed(prepared.actuator, names), slow)
+    rested = bench.settled(begun, names, prepared.training, steps=1)
+    found = from_other_shapes(bench, rested, names, [ForceDrift, BladderStiffness], prepared.training)
+    assert float(get(rested.model, "effects.force_drift.time_constant")) > 1000.0
+    assert float(get(found.model, "effects.force_drift.time_constant")) == pytest.approx(6.5, rel=0.1)
+    assert best_of([rested, found]) == 1
+    again = from_other_shapes(bench, found, names, [ForceDrift], prepared.training)
+    assert best_of([found, again]) == 0
+    assert from_other_shapes(bench, found, names, [BladderStiffness], prepared.training) is found
