@@ -10,11 +10,9 @@ from collections.abc import Callable, Sequence
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import from_other_shapes
 from jaxmuscle.diagnosis.candidates import is_dry_friction
-from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Round
-from jaxmuscle.diagnosis.folds import STEPS
 from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import (
     DECLARED,
@@ -22,12 +20,11 @@ from jaxmuscle.diagnosis.ranking import (
     Candidate,
     Ranking,
     rank,
-    unseen_loss,
 )
-from jaxmuscle.diagnosis.rivals import WholeWindowFits, does_better, likeliest_first, rivals
+from jaxmuscle.diagnosis.rivals import WholeWindowFits, against_waiting, likeliest_first
 from jaxmuscle.diagnosis.search_rounds import round_of
-from jaxmuscle.diagnosis.sequential_replacement import replacements, still_needed
-from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING, MUCH, VIOLATED, within_form_of_friction
+from jaxmuscle.diagnosis.sequential_replacement import others_for_its_place, replacements, still_needed
+from jaxmuscle.diagnosis.verdict import MISSING, MUCH, VIOLATED, within_form_of_friction
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
@@ -107,7 +104,7 @@ class ForwardSelection:
 
     def _left(self) -> float:
         """Mean square of what the model leaves over whole windows, of the worst output (1 = noise)."""
-        return max(self.bench.mean_squares(self.model, self.training).values())
+        return self.bench.worst_mean_square(self.model, self.training)
 
     def _may_be_form_of_friction(self, left: float) -> bool:
         """Whether dry friction was found and leaves so little that its law may be the cause."""
@@ -145,7 +142,8 @@ class ForwardSelection:
         if best is not None:
             fits = WholeWindowFits(self.bench, self.names, self.training)
             ranking = likeliest_first(fits, ranking, len(self.found))
-            ranking = self._against_rivals(ranking, ranking.candidates[0], effects)
+            later = len(self.found) > self.given
+            ranking = against_waiting(fits, self.model, ranking, effects, self.parts, self.meter, later)
             best = ranking.candidates[0]
         self.rounds.append(round_of(ranking, best))
         if best is not None or len(self.found) == self.given:
@@ -163,19 +161,13 @@ class ForwardSelection:
             alone = self.rankings.get(earlier.name)
             if alone is None:
                 continue
-            again = replacements(
-                self.bench,
-                self.model,
-                self.names,
-                alone,
-                self.parts,
-                self.training,
-                self.meter,
-                something_is_left=self._left() > 1 + MISSING**2,
-            )
+            others = [name for name in self.names if name != earlier.name]
+            tried = others_for_its_place(alone, self.names, something_is_left=self._left() > 1 + MISSING**2)
+            fits = WholeWindowFits(self.bench, others, self.training)
+            again = replacements(fits, self.model, earlier, tried, self.parts, self.meter)
             if again is None:
                 continue
-            best, others = again.candidates[0], [name for name in self.names if name != earlier.name]
+            best = again.candidates[0]
             self.rounds.append(dataclasses.replace(round_of(again, best), beside=tuple(others)))
             if best.name != earlier.name:
                 self.found[place] = best
@@ -196,58 +188,6 @@ class ForwardSelection:
                 self.rounds.append(dataclasses.replace(round_of(again, None), beside=tuple(others)))
                 self._refit((bare, self.bench.with_card_values(bare)))
                 self.folds = again.folds
-
-    def _against_rivals(
-        self, ranking: Ranking, best: Candidate, sought: Sequence[type[AbstractEffect]]
-    ) -> Ranking:
-        """The ranking with those that wait and may explain as much as the best one; first it stays, unless
-        one of them does better (:func:`~jaxmuscle.diagnosis.rivals.does_better`).
-
-        Args:
-            sought: the effects of which that is the ranking.
-        """
-        found, bench = best.effects[0], self.bench
-        waiting = [] if isinstance(found, CardConstant) else self._waiting(best, sought)
-        if not waiting:
-            return ranking
-        tried, among = [found, *waiting], len(sought) + len(waiting)
-        rarer = rank(bench, self.model, self.names, tried, self.parts, self.meter, among)
-        (same,) = (each for each in rarer.candidates if each.effects == best.effects)
-        fits = WholeWindowFits(bench, self.names, self.training)
-        better = [
-            each
-            for each in rarer.candidates
-            if each.judged and each is not same and each.evidence.supports(len(self.found))
-            if does_better(fits, each, same, rarer.stretch)
-        ]
-        first = min(better, key=unseen_loss, default=same)
-        rest = [*(each for each in rarer.candidates if each is not same), same, *ranking.candidates]
-        rest = [each for each in rest if each is not first and each is not best]
-        rest.sort(key=lambda each: (not each.judged, unseen_loss(each)))
-        return dataclasses.replace(ranking, candidates=(best if first is same else first, *rest))
-
-    def _waiting(
-        self, best: Candidate, sought: Sequence[type[AbstractEffect]]
-    ) -> Sequence[type[AbstractEffect]]:
-        """What waits and may be imitated by the best one of those that were sought.
-
-        Against the first effect that is found, if it leaves little, rarer ones and what refines a friction
-        that is declared; where it leaves a part all are tried anyway. Against a later one what refines a
-        friction: one that builds up delays a force as a lag of its sensor does.
-        """
-        bench = self.bench
-        if len(self.found) > self.given:
-            return [effect for effect in bench.refining(self.names) if effect not in sought]
-        if not (bench.rivals or bench.refining(self.names)) or not self._explains(best):
-            return []
-        present = bench.settled(self.model, self.names, self.parts, STEPS)
-        return rivals(bench, self.names, best.model, self.parts, present)
-
-    def _explains(self, best: Candidate) -> bool:
-        """Whether a candidate leaves little, or little of what is missing without it."""
-        both = self.model, best.model
-        before, after = (max(self.bench.least_mean_squares(each, self.parts).values()) - 1 for each in both)
-        return after <= max(MISSING**2, EXPLAINED**2 * before)
 
     def _ranked_again(self, ranking: Ranking, effects: Sequence[type[AbstractEffect]]) -> Ranking:
         """The ranking for the model in its better valley, of what was worth judging beside that valley."""
@@ -297,7 +237,7 @@ class ForwardSelection:
     def _refit(self, begins: Sequence[AbstractActuator]) -> None:
         """Fit everything, from several models, and where something is left from other shapes, too."""
         fitted = self.bench.best_fit(begins, self.names, self.training, FIT_STEPS)
-        if max(self.bench.mean_squares(fitted.model, self.training).values()) > NOTHING_LEFT:
+        if self.bench.worst_mean_square(fitted.model, self.training) > NOTHING_LEFT:
             effects = [effect for candidate in self.found for effect in candidate.effects]
             fitted = from_other_shapes(self.bench, fitted, self.names, effects, self.training)
         self.model, self.converged = fitted.model, fitted.converged
@@ -321,7 +261,7 @@ def forward_selection(
     declared = bench.settled(declared, [], parts, FIT_STEPS).model
     training = _with_spread(case, bench, case.training, declared)
     fitted = bench.settled(declared, [], training, FIT_STEPS)
-    left = max(bench.mean_squares(fitted.model, training).values())
+    left = bench.worst_mean_square(fitted.model, training)
     return ForwardSelection(
         bench, parts, training, meter, ready, fitted.model, fitted.converged, at_first=left
     )

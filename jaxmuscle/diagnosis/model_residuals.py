@@ -100,6 +100,10 @@ class ModelResiduals(CandidateModels):
             found[output] = float((values[weighted] ** 2).mean())
         return found
 
+    def worst_mean_square(self, model: AbstractActuator, problem: Problem) -> float:
+        """:meth:`mean_squares` of the output of which most is left."""
+        return max(self.mean_squares(model, problem).values())
+
     def losses(self, model: AbstractActuator, problem: Problem) -> Losses:
         """Loss of every block of windows that the model may have been fitted to."""
         block = blocks(len(problem.rows), problem.samples, int(problem.period))

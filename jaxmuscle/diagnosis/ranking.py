@@ -170,7 +170,7 @@ def rank(
             promising, evidence, losses[1:], refitted[1:], strict=True
         )
     ]
-    further = lambda candidate: max(bench.mean_squares(candidate.model, problem.in_parts(1)).values())  # noqa: E731
+    further = lambda candidate: bench.worst_mean_square(candidate.model, problem.in_parts(1))  # noqa: E731
     first = simplest_first(sorted(tried, key=unseen_loss), len(accepted), further, folds.stretch)
     ranked = [*first, *sorted(left, key=unseen_loss)]
     return Ranking(typical(losses[0]), refitted[0], tuple(ranked), folds.stretch, valley)

@@ -13,13 +13,15 @@ from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import STEPS
 from jaxmuscle.diagnosis.likelihood_ratio import more_likely
-from jaxmuscle.diagnosis.ranking import Candidate, Ranking, told_apart
+from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank, told_apart, unseen_loss
 from jaxmuscle.diagnosis.screening import parts_removed
 from jaxmuscle.diagnosis.settled_fit import SettledFit
+from jaxmuscle.diagnosis.verdict import EXPLAINED, MISSING
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.residuals import Evaluated
 from jaxmuscle.estimation.windows import Problem
+from jaxmuscle.progress import Meter
 
 AS_MUCH = 0.8
 """Part of what the effect that was found removes of the excess error which a rival has to remove, before it
@@ -137,3 +139,71 @@ def likeliest_first(fits: WholeWindowFits, ranking: Ranking, found: int) -> Rank
             best = each
     rest = (each for each in ranking.candidates if each is not best)
     return dataclasses.replace(ranking, candidates=(best, *rest))
+
+
+def against_waiting(
+    fits: WholeWindowFits,
+    model: AbstractActuator,
+    ranking: Ranking,
+    sought: Sequence[type[AbstractEffect]],
+    parts: Problem,
+    meter: Meter,
+    later: bool,
+) -> Ranking:
+    """The ranking with what waits and may explain as much as its best one; first that stays, unless one of
+    those does better (:func:`does_better`).
+
+    Args:
+        fits: of candidates beside what the `model` has, to whole windows.
+        sought: the effects of which that is the ranking.
+        parts: the windows as candidates are judged on them.
+        later: whether anything was found before.
+    """
+    bench, accepted = fits.bench, fits.accepted
+    best = ranking.candidates[0]
+    waiting = [] if best.has_constant else _waiting(bench, model, accepted, best, sought, parts, later)
+    if not waiting:
+        return ranking
+    tried, among = [*best.effects, *waiting], len(sought) + len(waiting)
+    rarer = rank(bench, model, accepted, tried, parts, meter, among)
+    (same,) = (each for each in rarer.candidates if each.effects == best.effects)
+    better = [
+        each
+        for each in rarer.candidates
+        if each.judged and each is not same and each.evidence.supports(len(accepted))
+        if does_better(fits, each, same, rarer.stretch)
+    ]
+    first = min(better, key=unseen_loss, default=same)
+    rest = [*(each for each in rarer.candidates if each is not same), same, *ranking.candidates]
+    rest = [each for each in rest if each is not first and each is not best]
+    rest.sort(key=lambda each: (not each.judged, unseen_loss(each)))
+    return dataclasses.replace(ranking, candidates=(best if first is same else first, *rest))
+
+
+def _waiting(
+    bench: Workbench,
+    model: AbstractActuator,
+    accepted: Sequence[str],
+    best: Candidate,
+    sought: Sequence[type[AbstractEffect]],
+    parts: Problem,
+    later: bool,
+) -> Sequence[type[AbstractEffect]]:
+    """What waits and may be imitated by the best one of those that were sought.
+
+    Against the first effect that is found, if it leaves little, rarer ones and what refines a friction
+    that is declared; where it leaves a part all are tried anyway. Against a later one what refines a
+    friction: one that builds up delays a force as a lag of its sensor does.
+    """
+    if later:
+        return [effect for effect in bench.refining(accepted) if effect not in sought]
+    if not (bench.rivals or bench.refining(accepted)) or not _explains(bench, model, best.model, parts):
+        return []
+    present = bench.settled(model, accepted, parts, STEPS)
+    return rivals(bench, accepted, best.model, parts, present)
+
+
+def _explains(bench: Workbench, model: AbstractActuator, found: AbstractActuator, parts: Problem) -> bool:
+    """Whether what was found leaves little, or little of what is missing without it."""
+    before, after = (max(bench.least_mean_squares(each, parts).values()) - 1 for each in (model, found))
+    return after <= max(MISSING**2, EXPLAINED**2 * before)

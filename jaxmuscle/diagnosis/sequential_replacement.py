@@ -41,15 +41,38 @@ MOST = 2
 """Effects that are tried in the place of one: those that did best alone."""
 
 
+def others_for_its_place(
+    ranking: Ranking, accepted: Sequence[str], something_is_left: bool
+) -> list[type[AbstractEffect]]:
+    """Effects from which the one that was added was not told apart, best first, and where something is left
+    those that were supported; of a constant none.
+
+    On joint 124074 of `blind_recordings.drawn` an offset of the angle explained more than the muscles'
+    mismatch, significantly so, until the rate limit was there; with it 20 noise units were left held out.
+
+    Args:
+        ranking: of the search that added it, the first one in it, alone.
+        accepted: names of all effects that the model has.
+    """
+    added, *others = ranking.candidates
+    if isinstance(added.effects[0], CardConstant):
+        return []
+    worth = [
+        each.effects[0]
+        for each in others
+        if each.judged and each.name not in accepted
+        if not told_apart(each, added, ranking.stretch) or (something_is_left and each.evidence.supports(0))
+    ]
+    return [effect for effect in worth if not isinstance(effect, CardConstant)][:MOST]
+
+
 def replacements(
-    bench: Workbench,
+    fits: WholeWindowFits,
     model: AbstractActuator,
-    accepted: Sequence[str],
-    ranking: Ranking,
+    added: Candidate,
+    tried: Sequence[type[AbstractEffect]],
     problem: Problem,
-    training: Problem,
     meter: Meter,
-    something_is_left: bool,
 ) -> Ranking | None:
     """The ranking of the effects for a place beside those that were added later; `None` if there is one only.
 
@@ -57,29 +80,25 @@ def replacements(
     (:func:`~jaxmuscle.diagnosis.rivals.does_better`).
 
     Args:
-        model, accepted: the present model and all its effects.
-        ranking: of the search that added one of these, the first in it, alone.
-        problem, training: the windows, as effects are searched and judged on them, and whole.
-        something_is_left: by the present model: what did worse alone is tried, too, if it was supported.
+        fits: of effects beside those that were added later, to whole windows.
+        model: the present one, with all its effects; `added`: which of them stood in that place.
+        tried: effects that may take it (:func:`others_for_its_place`).
+        problem: the windows, as effects are searched and judged on them.
     """
-    added = ranking.candidates[0]
-    others = [name for name in accepted if name != added.name]
-    tried = _others_for_its_place(ranking, accepted, something_is_left)
     if not tried:
         return None
-    meter.expect(sum(search_work(effect) for effect in tried) + JUDGEMENT * FOLDS * (len(tried) + 2))
-    bare = bench.dressed(replace(model, without(added.effects[0])), others)
+    bench, others = fits.bench, fits.accepted
+    (effect,) = added.effects
+    meter.expect(sum(search_work(each) for each in tried) + JUDGEMENT * FOLDS * (len(tried) + 2))
+    bare = bench.dressed(replace(model, without(effect)), others)
     present = bench.settled(bare, others, problem, STEPS)
     bases = present.model, bench.with_card_values(present.model)
-    searched = on_all_cores(
-        lambda effect: search(bench, bases, others, effect, problem, present, meter), tried
-    )
+    searched = on_all_cores(lambda other: search(bench, bases, others, other, problem, present, meter), tried)
     hopeful = [pair for pair in zip(tried, searched, strict=True) if pair[1].hopeful]
     if not hopeful:
         return None
-    own = bench.settled(model, accepted, problem, STEPS)
-    fits = WholeWindowFits(bench, others, training)
-    return _ranked(fits, present, [(added.effects[0], own), *hopeful], problem, meter)
+    own = bench.settled(model, [*others, effect.name], problem, STEPS)
+    return _ranked(fits, present, [(effect, own), *hopeful], problem, meter)
 
 
 def still_needed(
@@ -101,27 +120,6 @@ def still_needed(
     others = [name for name in accepted if name != effect.name]
     bare = bench.dressed(replace(model, without(effect)), others)
     return rank(bench, bare, others, [effect], problem, meter), bare
-
-
-def _others_for_its_place(
-    ranking: Ranking, accepted: Sequence[str], something_is_left: bool
-) -> list[type[AbstractEffect]]:
-    """Effects from which the one that was added was not told apart, best first, and where something is left
-    those that were supported; of a constant none.
-
-    On joint 124074 of `blind_recordings.drawn` an offset of the angle explained more than the muscles'
-    mismatch, significantly so, until the rate limit was there; with it 20 noise units were left held out.
-    """
-    added, *others = ranking.candidates
-    if isinstance(added.effects[0], CardConstant):
-        return []
-    worth = [
-        each.effects[0]
-        for each in others
-        if each.judged and each.name not in accepted
-        if not told_apart(each, added, ranking.stretch) or (something_is_left and each.evidence.supports(0))
-    ]
-    return [effect for effect in worth if not isinstance(effect, CardConstant)][:MOST]
 
 
 def _ranked(

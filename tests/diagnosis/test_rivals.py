@@ -11,14 +11,14 @@ from oracles.recorded import driven_card, driven_recording
 
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.evidence import Evidence
-from jaxmuscle.diagnosis.forward_selection import ForwardSelection, forward_selection
+from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
+from jaxmuscle.diagnosis.rivals import against_waiting
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import BladderStiffness, ForceDrift, ThreadFriction, reading_effect
 from jaxmuscle.estimation.case import case
 from jaxmuscle.progress import Meter
 
-module = importlib.import_module("jaxmuscle.diagnosis.forward_selection")
 ranking_module = importlib.import_module("jaxmuscle.diagnosis.ranking")
 rivals_module = importlib.import_module("jaxmuscle.diagnosis.rivals")
 OFFSET, DRIFT = (reading_effect(kind, "force") for kind in ("sensor_offset", "sensor_drift"))
@@ -99,17 +99,16 @@ def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, expla
     """
     first, rival = candidate(FIRST, first_losses), candidate(RARER, rival_losses)
     of = lambda *each: Ranking(5.0, (), each, 1)  # noqa: E731
-    monkeypatch.setattr(module, "rivals", lambda *of_model: [RARER])
-    monkeypatch.setattr(module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
+    monkeypatch.setattr(rivals_module, "rivals", lambda *of_model: [RARER])
+    monkeypatch.setattr(rivals_module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
     monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
     monkeypatch.setattr(rivals_module, "more_likely", lambda *residuals: likelier)
     bench: Any = Bench(explains)
     anything: Any = SimpleNamespace(weights={})
-    selection = ForwardSelection(bench, anything, anything, anything, anything, anything, True)
-    selection.found = [*before]
-    return [
-        each.effects[0] for each in selection._against_rivals(of(first), first, [FIRST, OTHER]).candidates
-    ]
+    fits = rivals_module.WholeWindowFits(bench, [each.name for each in before], anything)
+    later = bool(before)
+    ranking = against_waiting(fits, MODEL, of(first), [FIRST, OTHER], anything, anything, later)
+    return [each.effects[0] for each in ranking.candidates]
 
 
 def test_the_effect_that_was_found_stays_unless_a_rarer_one_is_clearly_better(monkeypatch):

@@ -13,7 +13,7 @@ from jaxmuscle.diagnosis.diagnosis_data import Alternative, Round
 from jaxmuscle.diagnosis.evidence import SIGN_FLIPS, Evidence
 from jaxmuscle.diagnosis.forward_selection import forward_selection
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank
-from jaxmuscle.diagnosis.sequential_replacement import MOST, _others_for_its_place
+from jaxmuscle.diagnosis.sequential_replacement import MOST, others_for_its_place
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import BladderStiffness, ForceDrift, reading_effect
 from jaxmuscle.estimation.case import case
@@ -75,7 +75,7 @@ def test_only_those_are_tried_that_were_judged_and_did_as_well_alone():
     others = [candidate("worse", 2.0), candidate("not_judged", 1.0, judged=False), candidate("later", 1.0)]
     alike = [candidate(f"alike_{number}", 1.0) for number in range(MOST + 1)]
     ranking = Ranking(5.0, (), (candidate("added", 1.0), *others, *alike), 1)
-    tried = _others_for_its_place(ranking, ["added", "later"], something_is_left=False)
+    tried = others_for_its_place(ranking, ["added", "later"], something_is_left=False)
     assert [effect.name for effect in tried] == [each.name for each in alike[:MOST]]
 
 
@@ -83,7 +83,7 @@ def test_where_something_is_left_those_that_did_worse_alone_are_tried_too_if_the
     unsupported = dataclasses.replace(candidate("unsupported", 2.0), evidence=Evidence(0.5, 0.3, 2.0))
     others = [candidate("alike", 1.0), candidate("not_judged", 1.5, judged=False), unsupported]
     ranking = Ranking(5.0, (), (candidate("added", 1.0), *others, candidate("worse", 2.0)), 1)
-    tried = [_others_for_its_place(ranking, ["added"], left) for left in (False, True)]
+    tried = [others_for_its_place(ranking, ["added"], left) for left in (False, True)]
     assert [[effect.name for effect in each] for each in tried] == [["alike"], ["alike", "worse"]]
 
 
