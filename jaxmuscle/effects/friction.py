@@ -10,7 +10,7 @@ from jaxtyping import Array
 from jaxmuscle.effects.base import AbstractFrictionEffect, AbstractSlipEffect
 from jaxmuscle.effects.contacts import CONTACTS
 from jaxmuscle.effects.slip import DAMPING_TIME
-from jaxmuscle.hysteresis.operators import dahl
+from jaxmuscle.hysteresis.operators import dahl_between_limits
 from jaxmuscle.parameters import Scalar, parameter
 from jaxmuscle.signals import LOAD, MUSCLE_FORCE, Signals
 
@@ -141,8 +141,9 @@ class Presliding(AbstractSlipEffect):
     friction of a contact, L_0 at rest, does not change with the velocity. The threads of the muscles
     (`thread_friction`) are one contact, guide or bearing of the load (`load_friction`, `stribeck`, …) another
     one, with bristles of their own that bend by the same δ. Without such friction nothing changes. z is
-    exact over straight moves x [m or rad] at a constant c. Where c changes in a step, half of the way, or the
-    way up to where the motion turns round, goes by what c was, the rest by what it is. T is the
+    exact over straight moves x [m or rad] at a constant c, and of second order where c changes in a step
+    (:func:`~jaxmuscle.hysteresis.operators.dahl_between_limits`): in two parts, up to the middle of the step
+    and from there on, or up to where the motion turns round, and back. T is the
     `damping_time` (:func:`jaxmuscle.effects.slip.slip_of_mass`). Valid from δ = 0, the law without bristles,
     upwards.
     """
@@ -165,28 +166,32 @@ class Presliding(AbstractSlipEffect):
     def initial(self, signals: Signals) -> Bent:
         place, velocity = _motion(signals)
         straight = jnp.zeros((CONTACTS, *jnp.shape(place)))
-        return Bent(straight, jnp.ones_like(straight), place, velocity)
+        return Bent(straight, straight + signals.limit_over_rest, place, velocity)
 
     def update(self, memory: Bent, signals: Signals, step: Array) -> Bent:
         place, velocity = _motion(signals)
         before, way = memory.velocity, place - memory.place
         turns = before * velocity < 0
-        # At an even deceleration the motion turns round after h v0/(v0 - v1).
+        # At an even deceleration the motion turns round after h v0/(v0 - v1), where it rests; where it goes
+        # on, so much of the way lies in the first half of the step.
         out = step * jnp.square(before) / (2 * jnp.where(turns, before - velocity, 1.0))
-        bend = self._bend(memory, signals, jnp.where(turns, out, way / 2), way)
+        both = before + velocity
+        goes_on = ~turns & (both != 0)
+        half = way * jnp.where(goes_on, (3 * before + velocity) / (4 * jnp.where(goes_on, both, 1.0)), 0.5)
+        mean = (memory.ratio + signals.limit_over_rest) / 2
+        bend = self._bend(memory, signals, jnp.where(turns, out, half), way, jnp.where(turns, 1.0, mean))
         return Bent(bend, signals.limit_over_rest, place, velocity)
 
     def value(self, memory: Bent, signals: Signals) -> Array:
         way = _motion(signals)[0] - memory.place
-        return self._bend(memory, signals, way / 2, way) / signals.limit_over_rest
+        mean = (memory.ratio + signals.limit_over_rest) / 2
+        return self._bend(memory, signals, way / 2, way, mean) / signals.limit_over_rest
 
-    def _bend(self, memory: Bent, signals: Signals, first: Array, way: Array) -> Array:
-        """Bend after a way whose first part goes by the limit that was, the rest by the one that is."""
+    def _bend(self, memory: Bent, signals: Signals, first: Array, way: Array, between: Array) -> Array:
+        """Bend after a way of two parts, with the limits where it begins, in between and where it ends."""
         distance = jnp.where(self.distance > LEAST_DISTANCE, self.distance, LEAST_DISTANCE)
-        bend = memory.bend
-        for ratio, part in ((memory.ratio, first), (signals.limit_over_rest, way - first)):
-            bend = ratio * dahl(bend / ratio, part, ratio * distance)
-        return bend
+        bend = dahl_between_limits(memory.bend, first, distance, memory.ratio, between)
+        return dahl_between_limits(bend, way - first, distance, between, signals.limit_over_rest)
 
     def deflection(self) -> Array:
         return self.distance

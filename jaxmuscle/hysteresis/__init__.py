@@ -8,7 +8,15 @@ from jaxmuscle.hysteresis.compensation import (
     inverted,
 )
 from jaxmuscle.hysteresis.frame import FrameRule, midline
-from jaxmuscle.hysteresis.operators import AbstractHysteresis, dahl, enveloped_play, play, respond, stop
+from jaxmuscle.hysteresis.operators import (
+    AbstractHysteresis,
+    dahl,
+    dahl_between_limits,
+    enveloped_play,
+    play,
+    respond,
+    stop,
+)
 from jaxmuscle.hysteresis.prandtl_ishlinskii import (
     Envelope,
     ExponentialPrandtlIshlinskii,
@@ -32,6 +40,7 @@ __all__ = [
     "ModifiedPrandtlIshlinskii",
     "PrandtlIshlinskii",
     "dahl",
+    "dahl_between_limits",
     "elbow_classical",
     "elbow_modified",
     "enveloped_play",

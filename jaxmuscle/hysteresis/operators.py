@@ -131,6 +131,32 @@ def dahl(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
     return jnp.where(way == 0, before, sense + (before - sense) * jnp.exp(-sense * way / distance))
 
 
+def dahl_between_limits(
+    memory: ArrayLike, move: ArrayLike, distance: ArrayLike, before: ArrayLike, after: ArrayLike
+) -> Array:
+    r"""Bend of bristles over a straight move along which the friction's limit changes evenly:
+    :math:`db/dx = (1 - (b/c)\,\mathrm{sgn}\,dx)/d`, c from `before` to `after`.
+
+    Args:
+        memory: b before the move, the share of the limit at rest that acts.
+        move: Δx.
+        distance: d, over which bristles of the limit at rest bend, in the unit of x.
+        before, after: c at both ends of the move, positive.
+
+    Returns:
+        With s the sign of the move and :math:`r = |Δx|/(d \bar c)`, :math:`\bar c` the mean of both limits,
+        :math:`b = s c_1 + (b^- - s c_0) e^{-r} - s (c_1 - c_0)(1 - e^{-r})/r` (exponential integrator,
+        Hochbruck and Ostermann, Acta Numerica 19, 2010): bristles lag behind a limit that changes by
+        :math:`d\,c\,dc/dx`. Exact, and :func:`dahl`, where both limits are alike.
+    """
+    bend, way = jnp.asarray(memory, dtype=float), jnp.asarray(move, dtype=float)
+    sense = jnp.sign(way)
+    r = sense * way / (distance * (jnp.asarray(before) + after) / 2)
+    gone = -jnp.expm1(-r)
+    lag = jnp.where(r > 0, gone / jnp.where(r > 0, r, 1.0), 1.0)
+    return bend + gone * (sense * before - bend) + sense * (jnp.asarray(after) - before) * (1.0 - lag)
+
+
 def bouc_wen(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
     r"""Bouc-Wen's hysteretic variable, integrated over a straight move, with exponent 1 and β = γ = 1/2:
     :math:`dz/dx = [1 - |z|\,(1 + \mathrm{sgn}(z\,dx))/2]/d`.

@@ -7,7 +7,7 @@ import pytest
 from oracles.loops import MODELS, frame_rule
 from oracles.relays import way
 
-from jaxmuscle.hysteresis import dahl, play, respond
+from jaxmuscle.hysteresis import dahl, dahl_between_limits, play, respond
 from jaxmuscle.parameters import parameters, replace
 
 WAYS = {
@@ -94,3 +94,15 @@ def test_dahl_at_a_standstill_and_beyond():
         assert d == pytest.approx(float(difference), rel=1e-6)
     still = jax.vmap(jax.grad(lambda m, d: dahl(z, m, d), argnums=(0, 1)), in_axes=(0, None))
     assert np.isfinite(np.array(still(jnp.zeros(3), jnp.asarray(0.2)))).all()
+
+
+def test_bristles_under_a_changing_limit_have_slopes_at_a_standstill_and_beyond():
+    def bend(values):
+        return dahl_between_limits(*values)
+
+    for move in (-0.1, 0.1):
+        at, h = jnp.array([0.3, move, 0.2, 1.0, 1.7]), 1e-6
+        differences = [(bend(at + h * d) - bend(at - h * d)) / (2 * h) for d in jnp.eye(5)]
+        np.testing.assert_allclose(jax.jacfwd(bend)(at), differences, rtol=1e-6)
+    still = jnp.array([[0.3, 0.0, 0.2, 1.0, 1.7], [0.3, 0.0, 1e-12, 1.0, 1.0]])
+    assert np.isfinite(np.asarray(jax.vmap(jax.grad(bend))(still))).all()

@@ -1,5 +1,7 @@
 """What makes hysteresis: memory of reversals, wiping out, congruency, independence of the rate."""
 
+from itertools import pairwise
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,15 @@ from oracles.plays import TABLE_2, classical, modified
 from oracles.relays import MATERIALS, way
 
 from jaxmuscle.errors import InputError
-from jaxmuscle.hysteresis import dahl, elbow_modified, enveloped_play, play, respond, stop
+from jaxmuscle.hysteresis import (
+    dahl,
+    dahl_between_limits,
+    elbow_modified,
+    enveloped_play,
+    play,
+    respond,
+    stop,
+)
 
 EVERY = {**MODELS, "frame": frame_rule()}
 each = pytest.mark.parametrize("model", EVERY.values(), ids=EVERY)
@@ -62,6 +72,30 @@ def test_dahl_is_exact_at_any_step_size_and_saturates():
     assert whole == pytest.approx(1 - 1.4 * np.exp(-1.5), rel=1e-14)
     assert float(dahl(z, jnp.asarray(-9.0), jnp.asarray(0.2))) == pytest.approx(-1.0, abs=1e-14)
     assert float(dahl(z, jnp.asarray(0.0), jnp.asarray(0.2))) == float(z)
+
+
+@pytest.mark.parametrize(("move", "before", "after"), [(0.1, 1.0, 1.6), (-0.1, 1.6, 1.0), (-0.3, 1.0, 2.0)])
+def test_bristles_lag_behind_a_limit_that_changes(move, before, after):
+    """Against the equation in 20 000 straight moves of constant limits; two halves are nearer by four."""
+
+    def through(parts):
+        b, limits = jnp.asarray(-0.4), np.linspace(before, after, parts + 1)
+        for one, other in pairwise(limits):
+            b = dahl_between_limits(b, move / parts, 0.2, one, other)
+        return float(b)
+
+    limits = np.linspace(before, after, 20001)
+    exact, way = -0.4, abs(move) / 20000
+    for c in np.sign(move) * (limits[1:] + limits[:-1]) / 2:
+        exact = c + (exact - c) * np.exp(-way / (abs(c) * 0.2))
+    off = [abs(through(parts) - exact) for parts in (1, 2, 4)]
+    assert off[0] < 0.02 and off[1] < 0.35 * off[0] and off[2] < 0.35 * off[1]
+
+
+def test_bristles_under_an_even_limit_are_dahls():
+    for move in (-0.3, 0.0, 1e-9, 0.3):
+        even = dahl_between_limits(0.5, move, 0.2, 1.5, 1.5)
+        assert float(even) == pytest.approx(1.5 * float(dahl(0.5 / 1.5, move, 1.5 * 0.2)), rel=1e-14)
 
 
 @each
