@@ -178,17 +178,18 @@ class Presliding(AbstractSlipEffect):
         both = before + velocity
         goes_on = ~turns & (both != 0)
         half = way * jnp.where(goes_on, (3 * before + velocity) / (4 * jnp.where(goes_on, both, 1.0)), 0.5)
-        mean = (memory.ratio + signals.limit_over_rest) / 2
-        bend = self._bend(memory, signals, jnp.where(turns, out, half), way, jnp.where(turns, 1.0, mean))
+        bend = self._bend(memory, signals, jnp.where(turns, out, half), way, turns)
         return Bent(bend, signals.limit_over_rest, place, velocity)
 
     def value(self, memory: Bent, signals: Signals) -> Array:
         way = _motion(signals)[0] - memory.place
-        mean = (memory.ratio + signals.limit_over_rest) / 2
-        return self._bend(memory, signals, way / 2, way, mean) / signals.limit_over_rest
+        return self._bend(memory, signals, way / 2, way) / signals.limit_over_rest
 
-    def _bend(self, memory: Bent, signals: Signals, first: Array, way: Array, between: Array) -> Array:
-        """Bend after a way of two parts, with the limits where it begins, in between and where it ends."""
+    def _bend(
+        self, memory: Bent, signals: Signals, first: Array, way: Array, turns: Array | bool = False
+    ) -> Array:
+        """Bend after a way of two parts; in between the limit is the mean, at rest where it `turns`."""
+        between = jnp.where(turns, 1.0, (memory.ratio + signals.limit_over_rest) / 2)
         distance = jnp.where(self.distance > LEAST_DISTANCE, self.distance, LEAST_DISTANCE)
         bend = dahl_between_limits(memory.bend, first, distance, memory.ratio, between)
         return dahl_between_limits(bend, way - first, distance, between, signals.limit_over_rest)

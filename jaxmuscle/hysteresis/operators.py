@@ -126,9 +126,11 @@ def dahl(memory: ArrayLike, move: ArrayLike, distance: ArrayLike) -> Array:
     Returns:
         :math:`z = s + (z^- - s) e^{-|Δx|/d}` with s the sign of the move (Dahl, 1968, exponent 1).
     """
-    before, way = jnp.asarray(memory, dtype=float), jnp.asarray(move, dtype=float)
-    sense = jnp.sign(way)
-    return jnp.where(way == 0, before, sense + (before - sense) * jnp.exp(-sense * way / distance))
+    return dahl_between_limits(memory, move, distance, 1.0, 1.0)
+
+
+SHORT = 1e-3
+"""Way over that of bristles up to which a series is good to the last bits."""
 
 
 def dahl_between_limits(
@@ -153,7 +155,10 @@ def dahl_between_limits(
     sense = jnp.sign(way)
     r = sense * way / (distance * (jnp.asarray(before) + after) / 2)
     gone = -jnp.expm1(-r)
-    lag = jnp.where(r > 0, gone / jnp.where(r > 0, r, 1.0), 1.0)
+    # The quotient's slope cancels where hardly anything moves: there the series of (1 - e^-r)/r.
+    some = r > SHORT
+    series = 1 - r / 2 * (1 - r / 3 * (1 - r / 4))
+    lag = jnp.where(some, gone / jnp.where(some, r, 1.0), series)
     return bend + gone * (sense * before - bend) + sense * (jnp.asarray(after) - before) * (1.0 - lag)
 
 

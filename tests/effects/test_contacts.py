@@ -145,3 +145,20 @@ def test_a_lift_on_bristles_has_slopes_over_distance_and_limits():
     differences = [(run(at + h * d) - run(at - h * d)) / (2 * h) for d in jnp.eye(3)]
     assert np.isfinite(slopes).all() and np.abs(slopes).max(0).min() > 1e-6
     np.testing.assert_allclose(slopes, np.stack(differences, -1), atol=2e-3 * np.abs(slopes).max())
+
+
+@pytest.mark.parametrize("velocities", [(0.0, 0.0), (0.01, -0.01), (0.01, 0.0), (0.0, 0.01), (1e-12, -3e-12)])
+def test_bristles_have_slopes_where_the_motion_begins_rests_and_turns_round(velocities):
+    before, after = velocities
+    signals = Signals(limit_over_rest=jnp.array([2.0, 1.0]))
+    effect = Presliding(jnp.asarray(1e-4))
+
+    def bend(values):
+        v0, v1, way = values
+        memory = effect.initial(signals.having(position=jnp.asarray(0.0), velocity=v0))
+        return effect.update(memory, signals.having(position=way, velocity=v1), jnp.asarray(1e-2)).bend
+
+    at = jnp.array([before, after, 1e-2 * (before + after) / 2])
+    slopes = jax.jacfwd(bend)(at), jax.jacrev(bend)(at)
+    assert all(np.isfinite(each).all() for each in slopes)
+    np.testing.assert_allclose(*slopes, rtol=1e-9, atol=1e-12 * np.abs(slopes[0]).max())

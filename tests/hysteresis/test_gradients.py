@@ -106,3 +106,13 @@ def test_bristles_under_a_changing_limit_have_slopes_at_a_standstill_and_beyond(
         np.testing.assert_allclose(jax.jacfwd(bend)(at), differences, rtol=1e-6)
     still = jnp.array([[0.3, 0.0, 0.2, 1.0, 1.7], [0.3, 0.0, 1e-12, 1.0, 1.0]])
     assert np.isfinite(np.asarray(jax.vmap(jax.grad(bend))(still))).all()
+
+
+@pytest.mark.parametrize("move", [1e-16, 1e-10, 1.9e-4, 2.1e-4])
+def test_bristles_have_the_right_slope_over_a_way_however_short(move):
+    """To first order (s c - b)/d, with the mean c; 2e-4 lies between series and quotient."""
+    slope = float(jax.grad(lambda way: dahl_between_limits(0.3, way, 0.2, 0.9, 1.1))(move))
+    assert slope == pytest.approx((1.0 - 0.3) / 0.2, rel=2e-3)
+    parts = jax.jacfwd(dahl_between_limits, argnums=1), jax.jacrev(dahl_between_limits, argnums=1)
+    forward, backward = (float(each(0.3, move, 0.2, 0.9, 1.1)) for each in parts)
+    assert forward == pytest.approx(backward, rel=1e-12)
