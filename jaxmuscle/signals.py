@@ -122,6 +122,7 @@ class Signals(eqx.Module):
     contraction: Any = None  # m, shortening of the muscle
     contraction_velocity: Any = None  # m/s
     muscle: Any = None  # the muscle component, for its geometry
+    contraction_ratio: Any = None  # of something that pulls and is no braided muscle; else that of `muscle`
     muscle_force: Any = None  # N, tension
     load: Any = None  # N or N m, what accelerates the load
     position: Any = None  # m or rad, of the load
@@ -139,6 +140,13 @@ class Signals(eqx.Module):
     def gauge_pressure(self) -> Muscles:
         """Pressure in the muscle above ambient [Pa]."""
         return self.pressure - self.ambient_pressure
+
+    @property
+    def strain(self) -> Muscles:
+        """Contraction ratio ε [-]: what the rig has filled in, else that of its muscle."""
+        if self.contraction_ratio is not None:
+            return self.contraction_ratio
+        return self.muscle.strain(self.contraction)
 
     def having(self, **signals: Any) -> Signals:
         """A copy with further signals filled in."""

@@ -85,6 +85,10 @@ def _fields(cls: type) -> set[str]:
 
 Machine = TypeVar("Machine", bound="AbstractActuator")
 
+OF_A_MUSCLE = frozenset({"contraction_ratio", "muscle_force"})
+"""Signals that a rig with a braided muscle has with it. Another one that pulls lists them itself, and not
+``muscle``: effects that ask for the geometry of braid and bladder are none of its."""
+
 State = dict[str, Any]
 """Name of a state → array; the integrated states of effects are under ``"effects"``."""
 
@@ -303,7 +307,8 @@ class AbstractActuator(eqx.Module):
     def readable(cls) -> frozenset[str]:
         """All that an effect may read here: `available`, readings of the chain, measured columns."""
         columns = {column_signal(column) for column in measured_columns(cls)}
-        return cls.available | {slot.name for slot in cls.reading_slots()} | columns
+        of_muscle = OF_A_MUSCLE if "muscle" in cls.available else frozenset()
+        return cls.available | of_muscle | {slot.name for slot in cls.reading_slots()} | columns
 
     @classmethod
     def effect_named(cls, name: str) -> type[AbstractEffect]:

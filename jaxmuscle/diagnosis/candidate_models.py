@@ -13,7 +13,6 @@ from jaxmuscle.effects import CATALOGUE
 from jaxmuscle.effects.base import AbstractEffect, AbstractFrictionEffect
 from jaxmuscle.estimation.free_parameters import Prior, Unknown, Unknowns
 from jaxmuscle.estimation.parameter_layout import unknown_within
-from jaxmuscle.estimation.request import Bounds
 from jaxmuscle.parameters import Parameter, get, parameters, replace
 
 
@@ -145,12 +144,15 @@ class CandidateModels:
         return {constant.path: constant for constant in self.constants if constant.name in names}
 
     def unknowns(self, model: AbstractActuator, paths: Sequence[str], effects: Sequence[str]) -> Unknowns:
-        """The vector of the parameters `paths`, from their values in `model`, with their priors."""
+        """The vector of the parameters `paths`, from their values in `model`, with their priors.
+
+        A constant that is freed begins within its range, which a fit under the card's prior may have left.
+        """
         priors, entries = {**self.priors, **self.shape_priors(model, effects)}, parameters(model)
         freed = self.freed(effects)
         return Unknowns(
             [
-                _unknown(entries[path], None, (freed[path].lower, freed[path].upper))
+                _free_constant(entries[path], freed[path])
                 if path in freed
                 else _unknown(entries[path], priors.get(path))
                 for path in paths
@@ -169,9 +171,14 @@ class CandidateModels:
         return max(far, default=0.0)
 
 
-def _unknown(entry: Parameter, prior: Prior | None, bounds: Bounds = (None, None)) -> Unknown:
+def _unknown(entry: Parameter, prior: Prior | None) -> Unknown:
     """One entry of the vector, from its value in the model."""
-    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, bounds)
+    return unknown_within(entry.path, entry, (0,), float(entry.value), prior, (None, None))
+
+
+def _free_constant(entry: Parameter, constant: CardConstant) -> Unknown:
+    start = constant.within(float(entry.value))
+    return unknown_within(entry.path, entry, (0,), start, None, (constant.lower, constant.upper))
 
 
 def _stateless(effects: Sequence[type[AbstractEffect]]) -> list[type[AbstractEffect]]:

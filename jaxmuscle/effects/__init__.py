@@ -9,6 +9,7 @@ from jaxmuscle.effects.base import (
     AbstractStaticEffect,
 )
 from jaxmuscle.effects.command import CommandDelay, DeadBand, RateLimit, SpoolHysteresis, ValveOffset
+from jaxmuscle.effects.creep import Creep, ViscoelasticCreep
 from jaxmuscle.effects.force_loss import BoucWen, ForceDrift
 from jaxmuscle.effects.friction import (
     LoadFriction,
@@ -22,7 +23,6 @@ from jaxmuscle.effects.load import EndStop, Gravity, LoadDamping
 from jaxmuscle.effects.muscle import (
     BladderHoopStiffness,
     BladderStiffness,
-    Creep,
     LengthHysteresis,
     MuscleMismatch,
     PressureDependentEnds,
@@ -79,6 +79,7 @@ DECLARABLE: tuple[type[AbstractEffect], ...] = (
     EccentricSprocket,
     ElasticTendon,
     BoucWen,
+    ViscoelasticCreep,
 )
 """Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`: on many
 recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness). Presliding is tried
@@ -147,6 +148,7 @@ __all__ = [
     "ThreadFriction",
     "ValveHysteresis",
     "ValveOffset",
+    "ViscoelasticCreep",
     "WallThickness",
     "effect_named",
     "is_registered",

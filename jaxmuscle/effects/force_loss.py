@@ -24,7 +24,7 @@ class ForceDrift(AbstractStaticEffect):
 
     name: ClassVar = "force_drift"
     slot: ClassVar = MUSCLE_FORCE
-    reads: ClassVar = frozenset({"time", "muscle"})
+    reads: ClassVar = frozenset({"time", "muscle_force"})
     strength: ClassVar = "share"
     starts: ClassVar = tuple({"time_constant": tau} for tau in (10.0, 60.0, 600.0))
     source: ClassVar = "first-order decay in time; softening, Mullins 1969"

@@ -1,5 +1,5 @@
 """Effects of the muscle: ends, unequal muscles, stiffness and thickness of the wall, hysteresis of the length
-by play operators (Prandtl-Ishlinskii), creep.
+by play operators (Prandtl-Ishlinskii).
 """
 
 from __future__ import annotations
@@ -13,11 +13,9 @@ from jaxtyping import Array
 
 from jaxmuscle.components import McKibben
 from jaxmuscle.effects.base import (
-    LOG_TIME,
     LOOP,
     AbstractMemoryEffect,
     AbstractMuscleEffect,
-    AbstractRateEffect,
     AbstractStaticEffect,
     AbstractWallEffect,
 )
@@ -224,41 +222,3 @@ class LengthHysteresis(AbstractMemoryEffect):
         loop = (stop(memory, strain, THRESHOLDS) * weights).sum(-1)
         scale = jnp.pi * signals.muscle.initial_radius**2 * signals.gauge_pressure
         return -self.weight * scale * loop * (1 + self.asymmetry * loop)
-
-
-class Creep(AbstractRateEffect):
-    r"""An elastic resistance to contraction that builds up slowly, with two time constants.
-
-    .. math:: ΔF = -K\,\tfrac12 (z_1 + z_2),\quad \dot z_i = (ε - z_i)/τ_i
-
-    At constant pressure and load the muscle creeps, at constant length its force relaxes, by the same
-    law: two delayed-elasticity elements of the standard linear solid. ε: contraction ratio.
-    """
-
-    name: ClassVar = "creep"
-    slot: ClassVar = MUSCLE_FORCE
-    reads: ClassVar = frozenset({"muscle", "contraction"})
-    strength: ClassVar = "stiffness"
-    starts: ClassVar = (
-        {"fast_time": 1.0, "slow_time": 6.0},
-        {"fast_time": 0.2, "slow_time": 1.0},
-        {"fast_time": 5.0, "slow_time": 30.0},
-    )
-    source: ClassVar = "standard linear solid, two delayed elements"
-    view: ClassVar = LOG_TIME
-
-    stiffness: Scalar = parameter(
-        "N", "delayed force per unit of contraction ratio", default=0.0, nonnegative=True
-    )
-    fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
-    slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
-
-    def initial(self, signals: Signals) -> Array:
-        return jnp.stack([signals.muscle.strain(signals.contraction)] * 2, axis=-1)
-
-    def rate(self, state: Array, signals: Signals) -> Array:
-        strain = signals.muscle.strain(signals.contraction)
-        return (strain[..., None] - state) / jnp.stack([self.fast_time, self.slow_time])
-
-    def value(self, state: Array, signals: Signals) -> Array:
-        return -self.stiffness * state.mean(-1)

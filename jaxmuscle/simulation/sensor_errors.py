@@ -125,7 +125,7 @@ def _samples(actuator: AbstractActuator, column: str, track: Track, rows: Int[Ar
     first, last = jnp.asarray(0), jnp.asarray(len(rows) - 1)
     if track.begins is not None:
         index = jnp.arange(len(rows))
-        begins = track.begins[jnp.minimum(rows, len(track.begins) - 1)].at[0].set(True)
+        begins = jnp.asarray(track.begins)[jnp.minimum(rows, len(track.begins) - 1)].at[0].set(True)
         first = jax.lax.cummax(jnp.where(begins, index, 0))
         ends = jnp.append(begins[1:], True)
         last = jax.lax.cummin(jnp.where(ends, index, len(rows) - 1), reverse=True)

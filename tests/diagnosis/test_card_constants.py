@@ -125,6 +125,18 @@ def test_a_freed_constant_has_bounds_and_no_prior(prepared):
     assert set(free) <= set(tools.order(tools.model, names))
 
 
+def test_a_freed_constant_begins_within_its_range_wherever_a_fit_has_left_it(prepared):
+    """Under the card's prior alone an uncertain constant may go below a tenth of the card's value."""
+    tools = workbench(prepared, [], card_constants(prepared))
+    area = constant(prepared, "valve_area")
+    for value in (0.3 * area.lower, 3 * area.upper):
+        model = replace(tools.model, {area.path: value})
+        (entry,) = tools.unknowns(model, [area.path], [area.name]).entries
+        assert entry.start in (area.lower, area.upper)
+        (entry,) = tools.unknowns(model, [area.path], []).entries
+        assert entry.start == value, "under its prior it has no range"
+
+
 @pytest.mark.slow
 def test_slopes_by_constants_are_finite_differences(prepared):
     tools = workbench(prepared, [], card_constants(prepared))

@@ -1,5 +1,6 @@
 """Errors of the sensor of a column: shown and corrected, on whole runs, in residuals, on cards."""
 
+import dataclasses
 import pickle
 from typing import Any
 
@@ -212,6 +213,18 @@ def test_nothing_changes_at_zero_strength_to_the_last_bit():
     for name, values in weighted_residuals(loaded, problem).items():
         # A compiler may contract a product and a sum differently: the last few bits.
         np.testing.assert_allclose(values, bare[name], rtol=1e-9, atol=1e-9)
+
+
+def test_a_track_of_numpy_arrays_with_breaks_is_corrected_as_one_of_jax_arrays():
+    """Tracks of several runs in one, outside of compiled programs."""
+    machine, recording = lifted(clock_offset_position=4e-3)
+    broken = dataclasses.replace(recording, breaks=(len(recording) // 3,))
+    track = case(broken, 0.0).problem.track
+    plain = dataclasses.replace(track, begins=np.asarray(track.begins))
+    loaded = carrying(machine, clock_offset_position=4e-3)
+    one, other = (true_track(loaded, each).measured["position"] for each in (track, plain))
+    np.testing.assert_array_equal(one, other)
+    assert np.abs(np.asarray(one) - np.asarray(track.measured["position"])).max() > 1e-5
 
 
 def test_without_errors_nothing_is_computed():
