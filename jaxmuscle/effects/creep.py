@@ -31,8 +31,8 @@ class AbstractDelayedStrain(AbstractRateEffect):
     view: ClassVar = LOG_TIME
 
     stiffness: Scalar
-    fast_time: Scalar
-    slow_time: Scalar
+    fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
+    slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
 
     def initial(self, signals: Signals) -> Array:
         return jnp.stack([signals.strain] * 2, axis=-1)
@@ -57,8 +57,6 @@ class Creep(AbstractDelayedStrain):
     stiffness: Scalar = parameter(
         "N", "delayed force per unit of contraction ratio", default=0.0, nonnegative=True
     )
-    fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
-    slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
 
     def value(self, state: Array, signals: Signals) -> Array:
         return -self.stiffness * state.mean(-1)
@@ -82,8 +80,6 @@ class ViscoelasticCreep(AbstractDelayedStrain):
     stiffness: Scalar = parameter(
         "N", "force per unit of contraction ratio that relaxes", default=0.0, nonnegative=True
     )
-    fast_time: Scalar = parameter("s", "shorter time constant", default=1.0, positive=True)
-    slow_time: Scalar = parameter("s", "longer time constant", default=6.0, positive=True)
 
     def value(self, state: Array, signals: Signals) -> Array:
         return -self.stiffness * (signals.strain - state.mean(-1))

@@ -116,7 +116,7 @@ def test_what_pulls_without_a_braid_has_creep_and_no_effect_that_asks_for_the_br
     names = {effect.name: effect() for effect in offered}
     clock = 0.01 * np.arange(60)
     columns = {"position": 0.01 + 0.01 * np.sin(9 * clock), "force": np.zeros(60)}
-    band = Band(rate=800.0)
+    band = Band(rate=jnp.asarray(800.0))
     recording = jm.recording(band, columns, 0.01, noise={"force": 0.1}, name="band")
     expected = np.asarray(jm.simulate(band, recording).readings["force"])
     carrying = band.with_effects(**names)
