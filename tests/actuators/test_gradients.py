@@ -21,7 +21,7 @@ GENERIC = {
     "bladder_hoop_stiffness": {"wall_stiffness": 5.0},
     "pressure_dependent_ends": {"amplitude": 1.0},
     "creep": {"stiffness": 60.0, "fast_time": 0.05, "slow_time": 0.4},
-    "viscoelastic_creep": {"stiffness": 70.0, "fast_time": 0.06, "slow_time": 0.3},
+    "viscoelastic_creep": {"stiffness": 30.0, "fast_time": 0.06, "slow_time": 0.3},
     "length_hysteresis": bench.LOOP,
     "gravity": {"torque": 0.8, "hanging_angle": 0.7},
     "muscle_mismatch": {"ratio": -0.08},
