@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, get_type_hints
 
@@ -95,7 +95,17 @@ def predicted_columns(rig: Rig) -> tuple[str, ...]:
 
 
 def build(rig: Rig, values: Mapping[str, float], effects: Mapping[str, AbstractEffect]) -> AbstractActuator:
-    """The machine with the given values (SI) at dotted paths, defaults elsewhere, and with effects."""
+    """The machine with the given values (SI) at dotted paths, defaults elsewhere, and with effects.
+
+    Raises:
+        InputError: a parameter without a default has no value, as `quantities` of the rig does not name it.
+    """
+    if lacking := [path for path in _required(rig) if path not in values]:
+        raise InputError(
+            f"{rig.__name__}: expected a value of {', '.join(lacking)}, which has no default; there is none. "
+            f"Name it in the rig's quantities, {{{lacking[0].rpartition('.')[2]!r}: {lacking[0]!r}}}, "
+            f"so that a card can give it, or declare a default"
+        )
     tree: dict[str, Any] = {}
     for path, value in values.items():
         *components, name = path.split(".")
@@ -104,6 +114,17 @@ def build(rig: Rig, values: Mapping[str, float], effects: Mapping[str, AbstractE
             node = node.setdefault(component, {})
         node[name] = value
     return _built(rig, {**tree, "effects": dict(effects)})
+
+
+def _required(cls: type[Any], inside: str = "") -> Iterator[str]:
+    """Dotted paths of the parameters of a machine, and of its components, that have no default."""
+    hints = get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        hint, none = hints[field.name], dataclasses.MISSING
+        if isinstance(hint, type) and issubclass(hint, eqx.Module):
+            yield from _required(hint, f"{inside}{field.name}.")
+        elif "unit" in field.metadata and field.default is none and field.default_factory is none:
+            yield inside + field.name
 
 
 def _built(cls: type[Any], tree: Mapping[str, Any]) -> Any:

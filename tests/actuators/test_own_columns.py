@@ -14,6 +14,7 @@ from jaxmuscle.effects import CommandDelay, LoadDamping
 from jaxmuscle.errors import InputError
 from jaxmuscle.estimation.fittable_parameters import fittable, start_places
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.schema import build
 from jaxmuscle.report.report_files import write
 
 
@@ -60,6 +61,15 @@ def test_wrong_units_of_own_columns_are_told(tmp_path):
         "takes no reference, it is a difference",
     ):
         assert words in str(caught.value)
+
+
+def test_a_parameter_that_no_card_can_give_is_named(recording, monkeypatch):
+    quantities = {name: path for name, path in Fan.quantities.items() if path != "inertia"}
+    monkeypatch.setattr(Fan, "quantities", quantities)
+    entries = {name: each for name, each in recording.card.entries.items() if name in quantities}
+    values = {quantities[name]: each.value for name, each in entries.items()}
+    with pytest.raises(InputError, match="Fan: expected a value of inertia.*{'inertia': 'inertia'}"):
+        build(Fan, values, {})
 
 
 def test_rests_where_it_is_declared_to(recording):
