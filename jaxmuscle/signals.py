@@ -122,7 +122,7 @@ class Signals(eqx.Module):
     contraction: Any = None  # m, shortening of the muscle
     contraction_velocity: Any = None  # m/s
     muscle: Any = None  # the muscle component, for its geometry
-    contraction_ratio: Any = None  # of something that pulls and is no braided muscle; else that of `muscle`
+    contraction_ratio: Any = None  # filled in where there is no `muscle`; effects read it as `strain`
     muscle_force: Any = None  # N, tension
     load: Any = None  # N or N m, what accelerates the load
     position: Any = None  # m or rad, of the load

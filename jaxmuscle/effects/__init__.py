@@ -82,8 +82,9 @@ DECLARABLE: tuple[type[AbstractEffect], ...] = (
     ViscoelasticCreep,
 )
 """Effects that cards may declare and a diagnosis seeks where they are named in its `catalogue`: on many
-recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness). Presliding is tried
-without being named too, where the usual effects leave something and the card declares dry friction."""
+recordings they imitate others (Coulomb friction, unequal muscles, a bladder's stiffness), or it is not known
+whether they do (viscoelastic creep). Presliding is tried without being named too, where the usual effects
+leave something and the card declares dry friction."""
 
 ONLY_RIVALS: tuple[type[AbstractEffect], ...] = (EccentricSprocket,)
 """Those of them that a diagnosis tries as rivals of the first effect that it finds. A sprocket beside its

@@ -207,14 +207,13 @@ class LengthHysteresis(AbstractMemoryEffect):
     )
 
     def initial(self, signals: Signals) -> Array:
-        strain = signals.muscle.strain(signals.contraction)
-        return jnp.repeat(strain[..., None], len(THRESHOLDS), axis=-1)
+        return jnp.repeat(signals.strain[..., None], len(THRESHOLDS), axis=-1)
 
     def update(self, memory: Array, signals: Signals, step: Array) -> Array:
-        return play(memory, signals.muscle.strain(signals.contraction)[..., None], THRESHOLDS)
+        return play(memory, signals.strain[..., None], THRESHOLDS)
 
     def value(self, memory: Array, signals: Signals) -> Array:
-        strain = signals.muscle.strain(signals.contraction)[..., None]
+        strain = signals.strain[..., None]
         density = jnp.exp(-THRESHOLDS / self.density_width)
         weights = density / (THRESHOLDS * density).sum()
         # A sum, which XLA merges with what is around it, as it does no product of matrices: the Jacobian of
