@@ -43,6 +43,7 @@ from jaxmuscle.diagnosis.verdict import (
 )
 from jaxmuscle.diagnosis.workbench import Workbench
 from jaxmuscle.effects.base import strengths_of
+from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import NoFitError
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.fit import FitResult, Method, estimate
@@ -53,6 +54,7 @@ from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.parallel import in_background
 from jaxmuscle.parameter_names import of_effect
 from jaxmuscle.parameters import replace
+from jaxmuscle.simulation.sensor_errors import unloaded
 
 FIT_STEPS = 60
 
@@ -167,13 +169,36 @@ def _borne_out(
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
         strengths = {c.name: _strengths(c.effects[0]) for c in outcome.found}
-        largest = {c.name: getattr(c.effects[0], "largest", None) for c in outcome.found}
+        largest = {c.name: largest_strength(case, outcome.model, c.name) for c in outcome.found}
         found = [_found(c, _judging(c, final, outcome.folds)) for c in outcome.found]
         reasons = doubted(found, strengths, largest)
         if not reasons:
             return outcome, final, refused
         refused |= reasons
         outcome = _without(bench, training, outcome, reasons)
+
+
+def largest_strength(case: Case, model: AbstractActuator, name: str) -> float | None:
+    """Size of the strength of an effect that no real machine exceeds; `None` where none is known."""
+    if name not in model.effects:
+        return None  # a constant of the card
+    duration = len(case.recording) * case.recording.step
+    return model.effects[name].largest_on(duration, _ranges(case, model))
+
+
+def _ranges(case: Case, model: AbstractActuator) -> dict[str, float]:
+    """Name of the slot of each reading, of a column or of the chain → its range, with what an unloaded sensor
+    shows among the values.
+    """
+    columns = {}
+    for name in measured_columns(model):
+        ends = [*case.filled.columns[name], float(unloaded(model, name))]
+        columns[f"{name}_reading"] = max(ends) - min(ends)
+    chain = {
+        slot.name: max(columns[f"{column}_reading"] for column in model.outputs[output])
+        for slot, output in model.reading_slots().items()
+    }
+    return {**columns, **chain}
 
 
 def _judging(

@@ -35,7 +35,7 @@ class AbstractEffect(eqx.Module):
             exactly zero.
         further_strengths: parameters that make an addition where the strength is zero, too.
         largest: size of the strength that no real machine exceeds (SI); `None` where that depends on the
-            machine. A diagnosis finds no effect beyond it.
+            machine, or on the recording (:meth:`largest_on`). A diagnosis finds no effect beyond it.
         starts: alternative values of its other parameters from which a search begins.
         source: where the equation comes from.
         stage: effects of one slot act in the order of their stages, each on what those of the stages
@@ -64,6 +64,16 @@ class AbstractEffect(eqx.Module):
         own = vars(cls)
         if "name" in own and "kind" not in own:
             cls.kind = own["name"]
+
+    def largest_on(self, duration: float, ranges: Mapping[str, float]) -> float | None:
+        """Size of the strength that no real machine exceeds on a recording; `largest` on any by default.
+
+        Args:
+            duration: of the recording [s].
+            ranges: name of the slot of a reading → range of what was recorded there (SI), from the smallest
+                to the largest value, with what an unloaded sensor shows among them.
+        """
+        return self.largest
 
 
 def strengths_of(effect: type[AbstractEffect]) -> tuple[str, ...]:

@@ -129,9 +129,13 @@ def _samples(actuator: AbstractActuator, column: str, track: Track, rows: Int[Ar
         first = jax.lax.cummax(jnp.where(begins, index, 0))
         ends = jnp.append(begins[1:], True)
         last = jax.lax.cummin(jnp.where(ends, index, len(rows) - 1), reverse=True)
+    return Samples(track.time(rows), first, last, unloaded(actuator, column))
+
+
+def unloaded(actuator: AbstractActuator, column: str) -> Array | float:
+    """What the sensor of a column shows when nothing loads it: the ambient pressure, or zero."""
     ambient = getattr(actuator, "ambient_pressure", STANDARD_ATMOSPHERE)
-    zero = ambient if actuator.column(column).referenced else 0.0
-    return Samples(track.time(rows), first, last, zero)
+    return ambient if actuator.column(column).referenced else 0.0
 
 
 def _by_column(function, values: Array, columns: tuple[str, ...]) -> Array:

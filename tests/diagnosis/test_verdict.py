@@ -1,5 +1,6 @@
 """The verdict, from what a diagnosis leaves, adds, and predicts of held-out data."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -7,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import jaxmuscle as jm
+from jaxmuscle.diagnosis.conclusion import largest_strength
 from jaxmuscle.diagnosis.diagnosis_data import Error, Estimate, FoundEffect
 from jaxmuscle.diagnosis.verdict import (
     EXPLAINED,
@@ -24,7 +27,10 @@ from jaxmuscle.diagnosis.verdict import (
     within_form_of_friction,
 )
 from jaxmuscle.effects import BY_NAME, reading_effect
-from jaxmuscle.effects.base import strengths_of
+from jaxmuscle.effects.base import AbstractEffect, strengths_of
+from jaxmuscle.effects.force_loss import ForceDrift
+from jaxmuscle.effects.sensors import Backlash
+from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.free_parameters import Prior
 
 
@@ -143,6 +149,50 @@ def test_a_strength_beyond_what_real_machines_have_is_doubted(largest: float | N
         assert bool(reasons) is refused
         told = f"its strength, {value:.0f} N, is beyond what real machines have, 13 N"
         assert not refused or reasons["load_friction"] == told
+
+
+@pytest.mark.parametrize(
+    ("share", "time_constant", "refused"),
+    [(1.0, 5.0, True), (-1.5, 100.0, True), (0.4, 5.0, False), (1.0, 1000.0, False)],
+)
+def test_half_of_the_force_is_lost_within_a_recording_at_most(
+    share: float, time_constant: float, refused: bool
+) -> None:
+    """Of a decay far slower than the recording only share over time is told, and its share may be any."""
+    drift = ForceDrift(share=share, time_constant=time_constant)  # pyright: ignore[reportArgumentType]
+    values = {"share": Estimate(share, 1e-3, "", ""), "time_constant": Estimate(time_constant, 1.0, "s", "")}
+    found = FoundEffect("force_drift", "muscle_force", "", "", values, 0.9, 1e-4)
+    most = {"force_drift": drift.largest_on(100.0, {})}
+    assert bool(doubted([found], {"force_drift": ("share",)}, most)) is refused
+
+
+@pytest.fixture(scope="module")
+def lift():
+    return case(jm.read(jm.sample("lift")).part(0, 3000), 0.3)
+
+
+def largest(prepared: Any, **effect: AbstractEffect) -> float | None:
+    (name,) = effect
+    return largest_strength(prepared, prepared.actuator.with_effects(**effect), name)
+
+
+def test_a_play_is_narrower_than_half_the_range_of_its_reading(lift: Any) -> None:
+    position = lift.recording.columns["position"]
+    way = max(position.max(), 0.0) - min(position.min(), 0.0)
+    assert largest(lift, backlash=Backlash(half_width=1e-3)) == pytest.approx(way / 4)  # pyright: ignore[reportArgumentType]
+    assert largest_strength(lift, lift.actuator, "constant:mass") is None
+
+
+def test_a_sensor_drifts_by_a_fifth_of_what_it_shows_at_most(lift: Any) -> None:
+    """A pressure that is held nearly constant may drift by as much as one that moves."""
+    of_pressure = reading_effect("sensor_drift", "pressure")(rate=1.0)  # pyright: ignore[reportCallIssue]
+    shown = lift.recording.columns["pressure"].max() - 101325.0
+    most = 0.2 * shown / (3000 * lift.recording.step)
+    assert largest(lift, sensor_drift_pressure=of_pressure) == pytest.approx(most)
+    flat = dataclasses.replace(lift.filled, columns={**lift.filled.columns, "pressure": np.full(3000, 4e5)})
+    held = dataclasses.replace(lift, filled=flat)
+    most = 0.2 * (4e5 - 101325.0) / (3000 * lift.recording.step)
+    assert largest(held, sensor_drift_pressure=of_pressure) == pytest.approx(most)
 
 
 def test_errors_of_any_sensor_and_delays_have_a_largest_size() -> None:
