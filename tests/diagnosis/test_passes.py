@@ -15,7 +15,7 @@ from jaxmuscle.diagnosis.passes import (
     _predicts_inputs,
     in_passes,
 )
-from jaxmuscle.diagnosis.verdict import EXPLAINED, FAR_OFF, IMITATED, MISSING
+from jaxmuscle.diagnosis.verdict import EXPLAINED, FAR_OFF, IMITATED, MISSING, MUCH
 from jaxmuscle.effects import (
     CATALOGUE,
     EXTENSION,
@@ -34,6 +34,10 @@ SMOOTH: Any = type("Smooth", (), {"effects": MappingProxyType({})})()
 
 class Added(str):
     """An effect that was added, told from others by its name alone."""
+
+    @property
+    def name(self):
+        return str(self)
 
     @property
     def is_constant(self):
@@ -278,6 +282,23 @@ def test_it_is_among_all_where_it_does_not_help_alone():
     found, asked = passes(*outcomes)
     assert found.added == ("backlash", "presliding")
     assert asked == [CATALOGUE, ROUGH, (*CATALOGUE, *EXTENSION, "sensor_offset", Presliding)]
+
+
+@pytest.mark.parametrize(
+    ("before", "names", "left", "counts"),
+    [
+        (("gravity",), ("gravity", "presliding"), MUCH, False),
+        (("gravity",), ("gravity", "presliding"), MUCH + 0.1, True),
+        (("gravity",), ("creep", "presliding"), MUCH, True),
+        ((), ("presliding",), MUCH, True),
+    ],
+)
+def test_a_little_roughness_beside_what_was_found_is_no_finding(before, names, left, counts):
+    """Every guide has a little; where nothing else was found, or much is left, bristles count."""
+    first, rough = Outcome(left, before, declared=DRY), Outcome(1.0, names, declared=DRY)
+    for outcomes in ((first, rough), (first, Outcome(left), rough)):
+        found, _ = passes(*outcomes, Outcome(left), on_whole_windows=None)
+        assert found.added == (names if counts else before)
 
 
 def test_constants_are_tried_without_it_where_it_does_not_help_alone():
