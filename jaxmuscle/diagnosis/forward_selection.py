@@ -5,6 +5,7 @@ everything, repeat.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 from jaxmuscle.actuators.actuator import AbstractActuator
@@ -40,6 +41,10 @@ PARTS = 4
 """Parts of a window that candidates are searched and judged on: starting anew keeps the cost smooth. In them
 what grows slowly hardly shows: of a drift of the force that leaves 39 mean squares over whole windows, 3
 (joint 90003 of `blind_recordings.drawn`)."""
+ALL_PARTS, SHORTEST = 16, 50
+"""Parts that all windows have together at least, as far as each keeps so many samples. Where whole runs are
+asked for windows are few: the four parts of a drive's only run, 6 s each, left few independent stretches, and
+of its damping and its dry friction the damping alone was found, twice what it is."""
 SPREAD = 2.0
 """Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
 
@@ -248,11 +253,16 @@ def compiling(bench: Workbench, parts: Problem) -> Callable[[], object]:
     return in_background(lambda: bench.compile_ahead(parts)).result
 
 
+def parts_of_a_window(windows: int, samples: int) -> int:
+    """Number of parts that each of so many windows, of so many samples, is cut into."""
+    return max(PARTS, min(math.ceil(ALL_PARTS / max(windows, 1)), samples // SHORTEST))
+
+
 def forward_selection(
     case: Case, bench: Workbench, meter: Meter, first: type[AbstractEffect] | None = None
 ) -> ForwardSelection:
     """The declared model fitted, before anything but the `first` effect is tried."""
-    parts = case.training.in_parts(PARTS)
+    parts = case.training.in_parts(parts_of_a_window(len(case.training.rows), case.training.samples))
     meter.did(0.0, "fitting the declared model")
     ready = compiling(bench, parts) if first is None else (lambda: None)
     declared = bench.first_fit(parts, FIT_STEPS).model
