@@ -14,6 +14,7 @@ from jaxmuscle.diagnosis.candidates import is_dry_friction
 from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Round
+from jaxmuscle.diagnosis.folds import FOLDS
 from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import (
     DECLARED,
@@ -92,10 +93,11 @@ class ForwardSelection:
         Something is missing, too, where all readings are explained by a value that contradicts the card.
 
         Args:
-            whole: whether candidates are searched and judged on whole windows, not on parts of them.
+            whole: whether candidates are searched and judged on whole windows, not on parts of them; on as
+                many parts as there are folds where there are fewer windows.
         """
         if whole:
-            self.parts = self.training
+            self.parts = self.training.in_parts(math.ceil(FOLDS / len(self.training.rows)))
         most = min(self.given + MOST_EFFECTS, len(self.bench.candidates) + len(self.bench.constants))
         while len(self.found) < most:
             left = self._left()

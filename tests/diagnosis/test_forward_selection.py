@@ -5,7 +5,17 @@ import dataclasses
 import pytest
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.forward_selection import ALL_PARTS, PARTS, SHORTEST, parts_of_a_window
+from jaxmuscle.diagnosis.folds import FOLDS
+from jaxmuscle.diagnosis.forward_selection import (
+    ALL_PARTS,
+    PARTS,
+    SHORTEST,
+    forward_selection,
+    parts_of_a_window,
+)
+from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.estimation.case import case
+from jaxmuscle.progress import Meter
 
 
 @pytest.mark.parametrize("windows", [4, 5, 30])
@@ -25,12 +35,28 @@ def test_parts_keep_so_many_samples_that_errors_have_time_to_grow() -> None:
     assert parts_of_a_window(0, 5000) == ALL_PARTS, "a recording without a training window is told elsewhere"
 
 
-@pytest.mark.slow
-def test_a_whole_run_is_diagnosed_on_its_parts() -> None:
-    """Without a horizon a recording has one training window, which by itself tells no effect from chance."""
+@pytest.fixture(scope="module")
+def whole_run() -> jm.Recording:
+    """Without a horizon a recording has one training window."""
     lift = jm.read(jm.sample("lift"))
-    whole = dataclasses.replace(lift, card=dataclasses.replace(lift.card, horizon=None))
-    found = jm.diagnose(whole)
+    return dataclasses.replace(lift, card=dataclasses.replace(lift.card, horizon=None))
+
+
+def test_a_search_of_whole_windows_has_a_part_for_each_fold(whole_run: jm.Recording) -> None:
+    """A fold without a part to be judged by stopped the diagnosis of a coil muscle's only run."""
+    prepared = case(whole_run, 0.3)
+    assert len(prepared.training.rows) == 1
+    bench = workbench(prepared, [jm.effects.LoadFriction])
+    selection = forward_selection(prepared, bench, Meter(lambda progress: None))
+    selection.seek(whole=True)
+    assert int(selection.parts.period) == -(-prepared.training.samples // FOLDS)
+    assert selection.names == ["load_friction"]
+
+
+@pytest.mark.slow
+def test_a_whole_run_is_diagnosed_on_its_parts(whole_run: jm.Recording) -> None:
+    """One window by itself tells no effect from chance."""
+    found = jm.diagnose(whole_run)
     assert found.settings["windows"] - found.settings["held_out_windows"] == 1
     (friction,) = found.effects
     assert found.verdict == "effects found" and friction.name == "load_friction"
