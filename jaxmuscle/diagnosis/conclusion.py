@@ -182,18 +182,19 @@ def largest_strength(case: Case, model: AbstractActuator, name: str) -> float | 
     """Size of the strength of an effect that no real machine exceeds; `None` where none is known."""
     if name not in model.effects:
         return None  # a constant of the card
-    duration = len(case.recording) * case.recording.step
-    return model.effects[name].largest_on(duration, _ranges(case, model))
+    rows = ~held_out_rows(case)
+    duration = float(rows.sum()) * case.recording.step
+    return model.effects[name].largest_on(duration, _ranges(case, model, rows))
 
 
-def _ranges(case: Case, model: AbstractActuator) -> dict[str, float]:
-    """Name of the slot of each reading, of a column or of the chain → its range, with what an unloaded sensor
-    shows among the values.
+def _ranges(case: Case, model: AbstractActuator, rows: NDArray[np.bool_]) -> dict[str, float]:
+    """Name of the slot of each reading, of a column or of the chain → its range in some rows, with what an
+    unloaded sensor shows among the values.
     """
     columns = {}
     for name in measured_columns(model):
-        ends = [*case.filled.columns[name], float(unloaded(model, name))]
-        columns[f"{name}_reading"] = max(ends) - min(ends)
+        shown = np.append(case.filled.columns[name][rows], float(unloaded(model, name)))
+        columns[f"{name}_reading"] = float(np.ptp(shown))
     chain = {
         slot.name: max(columns[f"{column}_reading"] for column in model.outputs[output])
         for slot, output in model.reading_slots().items()

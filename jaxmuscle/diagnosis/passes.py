@@ -124,8 +124,8 @@ def _adds_a_little_roughness(second: Diagnosis, first: Diagnosis) -> bool:
     """Whether the second adds nothing but bristles to effects that leave little.
 
     Every guide has a little of them, and that is no finding: beside the weight of a joint that turns out of
-    its plane (practice recording 11: 2.1 noise units left) they took away a quarter of what was left in
-    training, and held-out errors grew from 1.8 to 2.5 noise units.
+    its plane (practice recording 11: 2.1 noise units left) they took away more than a fifth of what was left
+    in training, and held-out errors grew from 1.8 to 2.5 noise units.
     """
     more = {effect.name for effect in second.added} - {effect.name for effect in first.added}
     return bool(first.added) and more == {Presliding.name} and first.missing_in_noise <= MUCH

@@ -69,7 +69,7 @@ class AbstractEffect(eqx.Module):
         """Size of the strength that no real machine exceeds on a recording; `largest` on any by default.
 
         Args:
-            duration: of the recording [s].
+            duration: of the recording, without what is held out [s].
             ranges: name of the slot of a reading → range of what was recorded there (SI), from the smallest
                 to the largest value, with what an unloaded sensor shows among them.
         """
