@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
+from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
 
 Body = Callable[[Any, Any], tuple[Any, Any]]
@@ -46,11 +46,13 @@ def linearised_scan(body: Body, begin: Any, inputs: Any) -> tuple[Any, Any]:
     return jax.lax.scan(iteration, begin, inputs)
 
 
-def _linearised(closed: ClosedJaxpr, outer: int) -> Callable[..., Sequence[Array]]:
+def _linearised(closed: Any, outer: int) -> Callable[..., Sequence[Array]]:
     """The function of a jaxpr with its `outer` constants as first arguments, linearised for derivatives."""
+    # Its name is not the same in all versions of JAX: in 0.12 a jaxpr has the constants itself.
+    kind = type(closed)
 
     def plain(*leaves: Array) -> Sequence[Array]:
-        return jaxpr_as_fun(ClosedJaxpr(closed.jaxpr, leaves[:outer]))(*leaves[outer:])
+        return jaxpr_as_fun(kind(closed.jaxpr, leaves[:outer]))(*leaves[outer:])
 
     def pushed(leaves: Sequence[Array], tangents: Sequence[Any]) -> tuple[Any, Any]:
         moving = [i for i, tangent in enumerate(tangents) if not isinstance(tangent, SymbolicZero)]
