@@ -127,8 +127,9 @@ def _adds_a_little_roughness(second: Diagnosis, first: Diagnosis) -> bool:
     its plane (practice recording 11: 2.1 noise units left) they took away more than a fifth of what was left
     in training, and held-out errors grew from 1.8 to 2.5 noise units.
     """
-    more = {effect.name for effect in second.added} - {effect.name for effect in first.added}
-    return bool(first.added) and more == {Presliding.name} and first.missing_in_noise <= MUCH
+    before, after = ({effect.name for effect in each.added} for each in (first, second))
+    only_bristles = bool(before) and after - before == {Presliding.name} and before < after
+    return only_bristles and first.missing_in_noise <= MUCH
 
 
 def _stands_alone(diagnosis: Diagnosis) -> bool:

@@ -17,7 +17,7 @@ from jaxmuscle.signals import MUSCLE_FORCE, Signals
 LOST = 0.5
 """Share of the force that a muscle loses or gains within a recording at most: with more it is another muscle
 at the end. Only what is lost within it can be told; with a time constant of many recordings a share of 1 may
-be right. Creep of a coil muscle on windows of 40 s, and three muscles of different lengths in one recording,
+be right. Creep of a coil muscle on windows of 40 s, and two muscles of different lengths in one recording,
 came out as drifts of 1.0 and -1.5."""
 
 

@@ -290,6 +290,7 @@ def test_it_is_among_all_where_it_does_not_help_alone():
         (("gravity",), ("gravity", "presliding"), MUCH, False),
         (("gravity",), ("gravity", "presliding"), MUCH + 0.1, True),
         (("gravity",), ("creep", "presliding"), MUCH, True),
+        (("gravity", "creep"), ("gravity", "presliding"), MUCH, True),
         ((), ("presliding",), MUCH, True),
     ],
 )
