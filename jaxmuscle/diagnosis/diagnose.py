@@ -17,10 +17,11 @@ from jaxmuscle._config import require_double_precision
 from jaxmuscle._memory_areas import make_room_for_programs
 from jaxmuscle.diagnosis.candidates import missing
 from jaxmuscle.diagnosis.card_constants import CardConstant, card_constants
-from jaxmuscle.diagnosis.conclusion import Outcome, conclude
+from jaxmuscle.diagnosis.conclusion import conclude, predicted_as_declared
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import FOLDS
-from jaxmuscle.diagnosis.forward_selection import forward_selection
+from jaxmuscle.diagnosis.forward_selection import ForwardSelection, forward_selection
+from jaxmuscle.diagnosis.last_fit import Outcome, borne_out
 from jaxmuscle.diagnosis.passes import in_passes
 from jaxmuscle.diagnosis.ranking import (
     CONCLUSION,
@@ -28,7 +29,7 @@ from jaxmuscle.diagnosis.ranking import (
     round_work,
 )
 from jaxmuscle.diagnosis.result import Diagnosis
-from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.diagnosis.workbench import Workbench, workbench
 from jaxmuscle.effects import CATALOGUE, EXTENSION, ONLY_RIVALS, Presliding, reading_effects
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case, case, check_held_out, check_parts
@@ -36,6 +37,7 @@ from jaxmuscle.estimation.checkpoint import Checkpoint, checkpoint_at
 from jaxmuscle.estimation.fingerprint import origin
 from jaxmuscle.estimation.missing_data import Mask
 from jaxmuscle.estimation.outliers import bad_rows
+from jaxmuscle.parallel import in_background
 from jaxmuscle.progress import Meter, Progress, interruptible
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.joining import of_one_bench
@@ -185,6 +187,8 @@ def _diagnosed(
 ) -> Diagnosis | None:
     """A search among a catalogue; `constants`: whether those of the card are among the candidates.
 
+    An effect with a strength that no real machine has leaves its place: it is searched again without it.
+
     Args:
         first: an effect without which none of the others is tried.
         refinements: effects that are tried once a dry friction was found.
@@ -194,28 +198,60 @@ def _diagnosed(
         if_found: whether it ends with `None` where nothing was found: what is left then needs no last fit.
     """
     begin = time.perf_counter()
+    refused: dict[str, str] = {}
+    while True:
+        usual, refining, against = (
+            [effect for effect in kinds if effect.name not in refused]
+            for kinds in (catalogue, refinements, rivals)
+        )
+        bench = _bench(ready, usual, refining, against, constants, predicting, checkpoint)
+        selection, outcome = _selected(ready, bench, first, whole, meter)
+        if if_found and not selection.found:
+            meter.skip_to(0.0, "nothing more was found")
+            return None
+        meter.skip_to(CONCLUSION, "fitting what was found")
+        begun = in_background(partial(predicted_as_declared, ready.case, outcome))
+        last = borne_out(ready.case, bench, selection.training, outcome)
+        refused |= {name: last.refused[name] for name in last.beyond_machines}
+        if not last.beyond_machines:
+            break
+    last = dataclasses.replace(last, refused=refused | dict(last.refused))
+    return conclude(ready.case, bench, selection.training, last, begun.result, begin)
+
+
+def _bench(
+    ready: _Prepared,
+    usual: Sequence[type[AbstractEffect]],
+    refinements: Sequence[type[AbstractEffect]],
+    rivals: Sequence[type[AbstractEffect]],
+    constants: bool,
+    predicting: bool,
+    checkpoint: Checkpoint,
+) -> Workbench:
+    """The workbench for what a recording can show of some effects; of the others those that are not usual."""
     actuator = ready.case.actuator
-    candidates = excited(ready.case, actuator, missing(actuator, catalogue))
-    sought = ready.fallible if constants else ()
-    bench = workbench(
+    return workbench(
         ready.case,
-        candidates,
-        constants=sought,
-        refinements=[e for e in missing(actuator, refinements) if e not in catalogue],
-        rivals=[e for e in missing(actuator, rivals) if e not in catalogue],
+        excited(ready.case, actuator, missing(actuator, usual)),
+        constants=ready.fallible if constants else (),
+        refinements=[e for e in missing(actuator, refinements) if e not in usual],
+        rivals=[e for e in missing(actuator, rivals) if e not in usual],
         checkpoint=checkpoint,
         predicting=predicting,
     )
-    meter.expect(DECLARED + round_work([*candidates, *sought], FOLDS) + CONCLUSION)
+
+
+def _selected(
+    ready: _Prepared, bench: Workbench, first: type[AbstractEffect] | None, whole: bool, meter: Meter
+) -> tuple[ForwardSelection, Outcome]:
+    """A search on a workbench at its end, and what it found."""
+    candidates = bench.sought((), much_is_left=False)
+    meter.expect(DECLARED + round_work([*candidates, *bench.constants], FOLDS) + CONCLUSION)
     selection = forward_selection(ready.case, bench, meter, first)
     declared = selection.model
     if first is None or (first in candidates and selection.begin_with(first)):
         selection.seek(whole)
-    if if_found and not selection.found:
-        meter.skip_to(0.0, "nothing more was found")
-        return None
-    meter.skip_to(CONCLUSION, "predicting the held-out data")
-    outcome = Outcome(
+    return selection, Outcome(
         declared,
         selection.model,
         tuple(selection.found),
@@ -224,4 +260,3 @@ def _diagnosed(
         selection.converged,
         ready.masks,
     )
-    return conclude(ready.case, bench, selection.training, outcome, begin)

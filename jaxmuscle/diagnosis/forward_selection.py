@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import from_other_shapes
 from jaxmuscle.diagnosis.candidates import is_dry_friction
-from jaxmuscle.diagnosis.conclusion import FIT_STEPS
 from jaxmuscle.diagnosis.constant_ranking import explains, rank_with_constants
 from jaxmuscle.diagnosis.diagnosis_data import Round
 from jaxmuscle.diagnosis.folds import FOLDS
+from jaxmuscle.diagnosis.last_fit import FIT_STEPS
 from jaxmuscle.diagnosis.pairs import best_pairs
 from jaxmuscle.diagnosis.ranking import (
     DECLARED,

@@ -123,12 +123,32 @@ def within_form_of_friction(left: float, at_first: float) -> bool:
     return left - 1 < min(MISSING**2, FORM_OF_FRICTION**2 * (at_first - 1))
 
 
-def doubted(
+def doubted(found: Sequence[FoundEffect], strengths: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """Name of each effect of which no strength is sure to differ from none → why.
+
+    Args:
+        strengths: name of an effect → names of its strengths.
+    """
+    reasons = {}
+    for effect in found:
+        own = _own_strengths(effect, strengths)
+        if not own:
+            continue
+        if effect.declared is not None:
+            std = max(own[0].std, effect.declared_std or 0.0)
+            if abs(own[0].value - effect.declared) < VIOLATED * std:
+                reasons[effect.name] = "it does not differ from the card's value by three standard deviations"
+        elif not any(map(differs_from_none, own)):
+            reasons[effect.name] = "its strength does not differ from none by two standard deviations"
+    return reasons
+
+
+def beyond_machines(
     found: Sequence[FoundEffect],
     strengths: Mapping[str, Sequence[str]],
     largest: Mapping[str, float | None],
 ) -> dict[str, str]:
-    """Name of each effect of which no strength is sure to differ from none, or that no machine has → why.
+    """Name of each effect whose first strength differs from none and is one that no real machine has → why.
 
     Args:
         strengths: name of an effect → names of its strengths.
@@ -136,20 +156,16 @@ def doubted(
     """
     reasons = {}
     for effect in found:
-        own = [effect.parameters[name] for name in strengths[effect.name] if name in effect.parameters]
-        if not own:
-            continue
-        strength = own[0]
-        if effect.declared is not None:
-            std = max(strength.std, effect.declared_std or 0.0)
-            if abs(strength.value - effect.declared) < VIOLATED * std:
-                reasons[effect.name] = "it does not differ from the card's value by three standard deviations"
-        elif not any(map(differs_from_none, own)):
-            reasons[effect.name] = "its strength does not differ from none by two standard deviations"
-        elif abs(strength.value) > (most := largest.get(effect.name) or math.inf):
-            value, limit = quantity(strength.value, strength.unit), quantity(most, strength.unit)
+        own = _own_strengths(effect, strengths)
+        most = largest.get(effect.name) or math.inf
+        if effect.declared is None and any(map(differs_from_none, own)) and abs(own[0].value) > most:
+            value, limit = quantity(own[0].value, own[0].unit), quantity(most, own[0].unit)
             reasons[effect.name] = f"its strength, {value}, is beyond what real machines have, {limit}"
     return reasons
+
+
+def _own_strengths(effect: FoundEffect, strengths: Mapping[str, Sequence[str]]) -> list[Estimate]:
+    return [effect.parameters[name] for name in strengths[effect.name] if name in effect.parameters]
 
 
 def strength_stds(final: FitResult, effect: str, strengths: Sequence[str]) -> dict[str, float]:

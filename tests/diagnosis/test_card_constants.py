@@ -14,7 +14,7 @@ from jaxmuscle.diagnosis.card_constants import LAWS, CardConstant, card_constant
 from jaxmuscle.diagnosis.constant_ranking import MOST_OF_IT, beside, explains, is_clear
 from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
-from jaxmuscle.diagnosis.verdict import doubted
+from jaxmuscle.diagnosis.verdict import beyond_machines, doubted
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import LoadFriction
 from jaxmuscle.estimation.case import case
@@ -210,10 +210,12 @@ def test_a_constant_within_three_standard_deviations_is_doubted(diagnosis):
     (found,) = diagnosis.effects
     (angle,) = found.parameters.values()
     near: Any = dataclasses.replace(found, declared=angle.value + 2.9 * angle.std)
-    assert doubted([near], {found.name: ("braid_angle",)}, {}).keys() == {found.name}
-    assert doubted([found], {found.name: ("braid_angle",)}, {}) == {}
+    assert doubted([near], {found.name: ("braid_angle",)}).keys() == {found.name}
+    assert doubted([found], {found.name: ("braid_angle",)}) == {}
     unsure = dataclasses.replace(found, declared_std=0.5 * ANGLE)
-    assert doubted([unsure], {found.name: ("braid_angle",)}, {}).keys() == {found.name}
+    # A wrong value of the card is no strength that a machine may have or not.
+    assert beyond_machines([found], {found.name: ("braid_angle",)}, {found.name: 1e-6}) == {}
+    assert doubted([unsure], {found.name: ("braid_angle",)}).keys() == {found.name}
 
 
 def test_nothing_is_tried_where_the_card_is_not_to_be_doubted():

@@ -11,7 +11,7 @@ from oracles import bench
 from oracles.recorded import clock, driven_card, driven_recording
 
 import jaxmuscle as jm
-from jaxmuscle.diagnosis.conclusion import FIT_STEPS, _estimates
+from jaxmuscle.diagnosis.last_fit import FIT_STEPS, estimates
 from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.estimation.case import case
@@ -137,7 +137,7 @@ def test_fits_that_disagree_widen_the_deviations():
     radii = np.array([6.8e-3, 7.1e-3, 7.2e-3])
     folds = [jm.replace(machine, {paths[0]: radius}) for radius in radii]
     final: Any = SimpleNamespace(parameters=entries)
-    wide, alone = _estimates(final, folds), _estimates(final, ())
+    wide, alone = estimates(final, folds), estimates(final, ())
     assert wide[paths[0]].std == pytest.approx(np.sqrt(2 / 3 * ((radii - radii.mean()) ** 2).sum()))
     assert wide[paths[1]].std == alone[paths[1]].std == alone[paths[0]].std == 1e-5
     assert wide[paths[0]].value == alone[paths[0]].value == 7e-3

@@ -1,20 +1,24 @@
-"""What a diagnosis concludes: effects with which the last fit fails are none."""
+"""The last fit of a diagnosis: effects with which it fails, and those that no machine has, are none."""
 
+import importlib
 from typing import Any
 
 import numpy as np
 import pytest
 from oracles.recorded import driven_card, driven_recording
 
+import jaxmuscle as jm
 from jaxmuscle import effects
-from jaxmuscle.diagnosis import conclusion
-from jaxmuscle.diagnosis.conclusion import Outcome, _borne_out
+from jaxmuscle.diagnosis import last_fit
 from jaxmuscle.diagnosis.evidence import Evidence
+from jaxmuscle.diagnosis.last_fit import Outcome, borne_out
 from jaxmuscle.diagnosis.ranking import Candidate
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.errors import NoFitError
 from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
+
+diagnosing = importlib.import_module("jaxmuscle.diagnosis.diagnose")
 
 
 @pytest.fixture(scope="module")
@@ -32,22 +36,23 @@ def concluded(prepared, monkeypatch, failing):
     model = tools.dressed(tools.model, ["creep"]).with_effects(pressure_dependent_ends=ends)
     evidence, losses = Evidence(0.9, 1e-3, 1.0), np.zeros((1, 4))
     found = tuple(Candidate((kind,), evidence, losses, model, ()) for kind in kinds)
-    last_fit = conclusion._final_fit
+    final_fit = last_fit._final_fit
 
     def fails(*given: Any):
         if failing & {*given[-1]}:
             raise NoFitError("the only start failed: 1 × no finite prediction at its start")
-        return last_fit(*given)
+        return final_fit(*given)
 
-    monkeypatch.setattr(conclusion, "_final_fit", fails)
+    monkeypatch.setattr(last_fit, "_final_fit", fails)
     outcome = Outcome(tools.model, model, found, (), (), True, {})
-    outcome, final, refused = _borne_out(prepared, tools, prepared.training, outcome)
-    assert final is not None and np.isfinite([entry.value for entry in final.parameters.values()]).all()
-    return outcome, refused
+    last = borne_out(prepared, tools, prepared.training, outcome)
+    assert last.fit is not None and np.isfinite([entry.value for entry in last.fit.parameters.values()]).all()
+    return last
 
 
 def test_an_effect_with_which_the_last_fit_fails_is_taken_out(prepared, monkeypatch):
-    outcome, refused = concluded(prepared, monkeypatch, {"creep"})
+    last = concluded(prepared, monkeypatch, {"creep"})
+    outcome, refused = last.outcome, last.refused
     assert [each.name for each in outcome.found] == ["pressure_dependent_ends"]
     assert refused == {"creep": "the last fit with it failed: its predictions are not numbers everywhere"}
     assert float(get(outcome.model, "effects.pressure_dependent_ends.amplitude")) == pytest.approx(
@@ -59,8 +64,26 @@ def test_a_machine_that_cannot_be_fitted_at_all_is_told(prepared, monkeypatch):
     def fails(*given: Any):
         raise NoFitError("the only start failed: 1 × no finite prediction at its start")
 
-    monkeypatch.setattr(conclusion, "_final_fit", fails)
+    monkeypatch.setattr(last_fit, "_final_fit", fails)
     tools = workbench(prepared, [])
     with pytest.raises(NoFitError, match="the only start failed"):
         outcome = Outcome(tools.model, tools.model, (), (), (), True, {})
-        _borne_out(prepared, tools, prepared.training, outcome)
+        borne_out(prepared, tools, prepared.training, outcome)
+
+
+def test_an_effect_that_no_machine_has_leaves_its_place(monkeypatch):
+    """It is searched again without it: another one that explains some of what is missing is found."""
+    ends, bladder = effects.PressureDependentEnds, effects.BladderStiffness
+    monkeypatch.setattr(ends, "largest", 0.1)
+    asked, search = [], diagnosing.forward_selection
+    monkeypatch.setattr(
+        diagnosing,
+        "forward_selection",
+        lambda case, bench, *rest: asked.append(bench.candidates) or search(case, bench, *rest),
+    )
+    recording = driven_recording({"pressure_dependent_ends": {"amplitude": 0.8}}, driven_card({}))
+    found = jm.diagnose(recording, catalogue=(ends, bladder), constants=False)
+    assert asked == [(ends, bladder), (bladder,)]
+    assert [effect.name for effect in found.added] == ["bladder_stiffness"]
+    why = "its strength, 0.80, is beyond what real machines have, 0.10"
+    assert found.refused == {"pressure_dependent_ends": why}
