@@ -31,7 +31,9 @@ def test_few_windows_are_cut_into_enough_parts_for_a_test_of_signs(windows: int)
 
 def test_parts_keep_so_many_samples_that_errors_have_time_to_grow() -> None:
     assert parts_of_a_window(1, 10 * SHORTEST) == 10
-    assert parts_of_a_window(1, PARTS * SHORTEST - 1) == PARTS
+    assert parts_of_a_window(30, PARTS * SHORTEST - 1) == PARTS - 1
+    assert parts_of_a_window(30, 11) == 1, "a short window is not cut"
+    assert parts_of_a_window(1, 11) == FOLDS, "every fold has a part"
     assert parts_of_a_window(0, 5000) == ALL_PARTS, "a recording without a training window is told elsewhere"
 
 
