@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
+from jaxmuscle.actuators import AbstractImposed
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidate_search import from_other_shapes
 from jaxmuscle.diagnosis.candidates import is_dry_friction
@@ -45,8 +46,10 @@ what grows slowly hardly shows: of a drift of the force that leaves 39 mean squa
 ALL_PARTS, SHORTEST = 16, 50
 """Parts that all windows have together at least, and samples that each part keeps. Where whole runs are
 asked for windows are few: the four parts of a drive's only run, 6 s each, left few independent stretches, and
-of its damping and its dry friction the damping alone was found, twice what it is. Short windows are not cut:
-over three samples nothing was seen that a joint of an arm lacks, over eleven (0.11 s) its friction."""
+of its damping and its dry friction the damping alone was found, twice what it is. Short windows of a machine
+that is integrated are not cut: over three samples nothing was seen that a joint of an arm lacks, over eleven
+(0.11 s) its friction. Where the motion is imposed nothing has to grow, and four parts only make four of one.
+"""
 SPREAD = 2.0
 """Standard deviations by which smoothed states are shifted to see what they leave uncertain."""
 
@@ -256,17 +259,24 @@ def compiling(bench: Workbench, parts: Problem) -> Callable[[], object]:
     return in_background(lambda: bench.compile_ahead(parts)).result
 
 
-def parts_of_a_window(windows: int, samples: int) -> int:
-    """Number of parts that each of so many windows, of so many samples, is cut into."""
+def parts_of_a_window(windows: int, samples: int, imposed: bool = False) -> int:
+    """Number of parts that each of so many windows, of so many samples, is cut into.
+
+    Args:
+        imposed: whether nothing is integrated.
+    """
     wanted = max(PARTS, math.ceil(ALL_PARTS / max(windows, 1)))
-    return max(min(wanted, samples // SHORTEST), math.ceil(FOLDS / max(windows, 1)))
+    least = PARTS if imposed else math.ceil(FOLDS / max(windows, 1))
+    return max(min(wanted, samples // SHORTEST), least)
 
 
 def forward_selection(
     case: Case, bench: Workbench, meter: Meter, first: type[AbstractEffect] | None = None
 ) -> ForwardSelection:
     """The declared model fitted, before anything but the `first` effect is tried."""
-    parts = case.training.in_parts(parts_of_a_window(len(case.training.rows), case.training.samples))
+    windows, samples = len(case.training.rows), case.training.samples
+    imposed = isinstance(case.actuator, AbstractImposed)
+    parts = case.training.in_parts(parts_of_a_window(windows, samples, imposed))
     meter.did(0.0, "fitting the declared model")
     ready = compiling(bench, parts) if first is None else (lambda: None)
     declared = bench.first_fit(parts, FIT_STEPS).model

@@ -33,6 +33,7 @@ def test_parts_keep_so_many_samples_that_errors_have_time_to_grow() -> None:
     assert parts_of_a_window(1, 10 * SHORTEST) == 10
     assert parts_of_a_window(30, PARTS * SHORTEST - 1) == PARTS - 1
     assert parts_of_a_window(30, 11) == 1, "a short window is not cut"
+    assert parts_of_a_window(30, 50, imposed=True) == PARTS, "nothing has to grow"
     assert parts_of_a_window(1, 11) == FOLDS, "every fold has a part"
     assert parts_of_a_window(0, 5000) == ALL_PARTS, "a recording without a training window is told elsewhere"
 
