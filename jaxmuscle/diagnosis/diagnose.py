@@ -209,7 +209,7 @@ def _diagnosed(
         if if_found and not selection.found:
             meter.skip_to(0.0, "nothing more was found")
             return None
-        meter.skip_to(CONCLUSION, "fitting what was found")
+        meter.skip_to(CONCLUSION, "predicting the held-out data")
         begun = in_background(partial(predicted_as_declared, ready.case, outcome))
         last = borne_out(ready.case, bench, selection.training, outcome)
         refused |= {name: last.refused[name] for name in last.beyond_machines}

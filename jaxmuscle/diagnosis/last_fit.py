@@ -73,7 +73,7 @@ def borne_out(case: Case, bench: Workbench, training: Problem, outcome: Outcome)
     added last are taken out until the others can be fitted. Held-out rows take no part.
     """
     refused: dict[str, str] = {}
-    impossible: dict[str, str] = {}
+    impossible: frozenset[str] = frozenset()
     while True:
         names = [candidate.name for candidate in outcome.found]
         try:
@@ -85,7 +85,7 @@ def borne_out(case: Case, bench: Workbench, training: Problem, outcome: Outcome)
             outcome = _without(bench, training, outcome, names[-1:])
             continue
         if final is None:
-            return BorneOut(outcome, None, refused, frozenset(impossible))
+            return BorneOut(outcome, None, refused, impossible)
         fitted = {entry.path: entry.value for entry in final.parameters.values()}
         outcome = dataclasses.replace(outcome, model=replace(outcome.model, fitted))
         strengths = {c.name: _strengths(c.effects[0]) for c in outcome.found}
@@ -94,8 +94,8 @@ def borne_out(case: Case, bench: Workbench, training: Problem, outcome: Outcome)
         beyond = beyond_machines(found, strengths, largest)
         reasons = beyond | doubted(found, strengths)
         if not reasons:
-            return BorneOut(outcome, final, refused, frozenset(impossible))
-        impossible |= beyond
+            return BorneOut(outcome, final, refused, impossible)
+        impossible |= beyond.keys()
         refused |= reasons
         outcome = _without(bench, training, outcome, reasons)
 
