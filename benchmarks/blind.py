@@ -5,6 +5,9 @@ a seed (`blind_recordings.py`). Every diagnosis is a line of a file; a run that 
 it was, and several may fill one file together. Then the file is summed up: which effect was taken for which,
 how small an effect is still found, how often nothing at all was taken for something, whether intervals hold
 the truth.
+
+With `--outside` every recording lacks something that no effect of the catalogue is (cogging, a frame that
+shakes, a sensor whose zero jumps): a diagnosis has to say that something is missing, and name nothing.
 """
 
 from __future__ import annotations
@@ -22,8 +25,8 @@ from pathlib import Path
 from typing import Any
 
 from blind_file import Row, claimed, keep, kept, key
-from blind_ranges import label
-from blind_recordings import RANGES, Blind, drawn
+from blind_ranges import OUTSIDE, RANGES, label, offered
+from blind_recordings import Blind, drawn
 
 import jaxmuscle as jm
 from jaxmuscle.effects import CATALOGUE, EXTENSION, Presliding
@@ -51,13 +54,13 @@ def tasks(
     With `names`, of the rigs that have one of them, and no more effects than those; `only`: always one.
     `begin`: the first seed.
     """
-    rigs = [rig for rig in rigs if not names or set(names) & set(RANGES[rig])]
+    rigs = [rig for rig in rigs if offered(rig, names)]
     for seed in range(begin, begin + count if rigs else begin):
         # Steps that fill the unit interval evenly, whatever the count.
         kind, colour = (seed * 0.6180339887) % 1, (seed * 0.7548776662) % 1
         rig = rigs[seed % len(rigs)]
         effects = 0 if kind < CLEAN_SHARE else 2 if kind > 1 - PAIR_SHARE else 1
-        most = len(set(names) & set(RANGES[rig])) if names else 2
+        most = len(offered(rig, names)) if names else 2
         yield seed, rig, 1 if only else min(effects, most), colour < COLOURED_SHARE
 
 
@@ -291,12 +294,15 @@ def main() -> int:
                          help="draw effects from these only")  # fmt: skip
     drawing.add_argument("--only-effect", choices=every, metavar="NAME",
                          help="every recording lacks this effect and nothing else")  # fmt: skip
+    drawing.add_argument("--outside", action="store_true",
+                         help="every recording lacks one cause that is outside the catalogue")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end with one line of JSON")
     arguments = parser.parse_args()
     start = time.perf_counter()
     jm.configure(compile_cache=True)
-    only = arguments.only_effect is not None
-    names = [arguments.only_effect] if only else arguments.names
+    only = arguments.outside or arguments.only_effect is not None
+    outsiders = sorted({name for causes in OUTSIDE.values() for name in causes})
+    names = outsiders if arguments.outside else [arguments.only_effect] if only else arguments.names
     rows = run(arguments.count, arguments.rigs, arguments.file, names, only, arguments.begin)
     reached = figures(rows)
     print("\nSingle effects that change a reading by", f"{SEEN:g} times its noise, and clean recordings:")

@@ -102,6 +102,43 @@ RANGES: dict[str, dict[str, dict[str, Any]]] = {
     | _sensors((0.01, 0.05), force=((1, 10), (0.05, 0.5)), current=((2e-3, 2e-2), (1e-4, 1e-3))),
 }
 """Rig → effect → range of each parameter (by column for a sensor's error), evenly drawn."""
+
+
+def _misread(times: Limits, **columns: tuple[Limits, Limits]) -> dict[str, dict[str, Any]]:
+    """Errors of the sensors of `columns` that the catalogue does not have: sizes, pitches of a ripple."""
+    sizes = {column: size for column, (size, _) in columns.items()}
+    return {
+        "hum": {"size": sizes, "frequency": (0.5, 10)},
+        "zero_jump": {"size": sizes, "time": times},
+        "reading_ripple": {"size": sizes, "pitch": {column: pitch for column, (_, pitch) in columns.items()}},
+    }
+
+
+OUTSIDE: dict[str, dict[str, dict[str, Any]]] = {
+    "driven": {
+        "cogging": {"force": (4, 30), "pitch": (5e-3, 1.5e-2)},
+        "shaking": {"force": (4, 30), "frequency": (0.5, 10)},
+        "added_weight": {"force": (4, 30), "time": (10, 35)},
+    }
+    | _misread((10, 35), force=((4, 30), (30, 100))),
+    "isotonic": {
+        "cogging": {"force": (4, 20), "pitch": (5e-3, 1.5e-2)},
+        "air_drag": {"coefficient": (100, 1000)},
+        "shaking": {"force": (2, 15), "frequency": (0.5, 8)},
+        "added_weight": {"force": (4, 20), "time": (4, 12)},
+        "supply_swing": {"share": (0.03, 0.15), "frequency": (0.1, 2)},
+    }
+    | _misread((4, 12), position=((2e-4, 2e-3), (5e-3, 2e-2)), pressure=((2e3, 2e4), (5e4, 2e5))),
+    "joint": {
+        "cogging": {"force": (0.1, 0.6), "pitch": (0.1, 0.3)},
+        "air_drag": {"coefficient": (0.01, 0.1)},
+        "shaking": {"force": (0.1, 0.6), "frequency": (0.5, 8)},
+        "added_weight": {"force": (0.1, 0.6), "time": (4, 12)},
+    }
+    | _misread((4, 12), angle=((4e-3, 2e-2), (0.1, 0.4))),
+    "jet-pipe": _misread((1, 3), force=((1, 10), (20, 60)), current=((2e-3, 2e-2), (2e-2, 1e-1))),
+}
+"""The same of causes that the catalogue does not have, which a diagnosis has to admit; drawn where named."""
 SIZES = {
     "thread_friction": ("static_coefficient", "kinetic_coefficient"), "length_hysteresis": ("weight",),
     "bladder_stiffness": ("stiffness",), "bladder_hoop_stiffness": ("wall_stiffness",),
@@ -116,12 +153,19 @@ SIZES = {
     "supply_droop": ("resistance",), "line_lag": ("time_constant",), "dead_volume": ("volume",),
     "gas_heating": ("share",), "current_saturation": ("inverse_limit",), "sensor_gain": ("gain",),
     "sensor_offset": ("offset",), "sensor_drift": ("rate",),
+    "cogging": ("force",), "air_drag": ("coefficient",), "shaking": ("force",), "added_weight": ("force",),
+    "supply_swing": ("share",), "hum": ("size",), "zero_jump": ("size",), "reading_ripple": ("size",),
 }  # fmt: skip
 """Parameters that make an effect as large as it is; they are drawn smaller together."""
-SIGNED = ("sensor_gain", "sensor_offset", "sensor_drift", "valve_offset", "force_sensor_nonlinearity")
+SIGNED = (
+    "sensor_gain", "sensor_offset", "sensor_drift", "valve_offset", "force_sensor_nonlinearity",
+    "added_weight", "zero_jump",
+)  # fmt: skip
 """Effects whose size has either sign."""
 SMALLEST = 0.03
 """How much smaller at most, evenly in the logarithm: the largest are plain to see, the smallest are not."""
+SMALLEST_OUTSIDE = 0.3
+"""The same of causes outside the catalogue: what cannot be seen tells nothing of how they are taken."""
 NEEDED: dict[str, dict[str, dict[str, Limits]]] = {
     "isotonic": {"thread_friction": THREADS, "load_friction": {"force": (8, 20)}},
     "joint": {"thread_friction": THREADS, "load_friction": {"force": (0.1, 0.3)}},
@@ -133,9 +177,20 @@ BRISTLES = {"driven": (1e-5, 4e-5), "isotonic": (1e-5, 4e-5), "joint": (1e-4, 6e
 ROUGH_SHARE = 1 / 3
 
 
+def offered(rig: str, names: Sequence[str] = ()) -> list[str]:
+    """What may be drawn for a rig: its effects, or those of `names` that it may have, outsiders too."""
+    return sorted(set(names) & {*RANGES[rig], *OUTSIDE[rig]} if names else RANGES[rig])
+
+
 def truth_of(rig: str, names: Sequence[str], draw: np.random.Generator) -> Effects:
     """Effects of these names, their parameters and sizes drawn."""
-    return {name: _drawn(name, RANGES[rig][name], draw) for name in names}
+    sought, outside = RANGES[rig], OUTSIDE[rig]
+    return {
+        name: _drawn(name, sought[name], SMALLEST, draw)
+        if name in sought
+        else _drawn(name, outside[name], SMALLEST_OUTSIDE, draw)
+        for name in names
+    }
 
 
 def declared_of(rig: str, truth: Mapping[str, Any], draw: np.random.Generator) -> Effects:
@@ -153,14 +208,17 @@ def between(ranges: Mapping[str, Limits], draw: np.random.Generator) -> dict[str
     return {name: float(draw.uniform(*limits)) for name, limits in ranges.items()}
 
 
-def _drawn(name: str, ranges: Mapping[str, Any], draw: np.random.Generator) -> dict[str, Any]:
+def _drawn(
+    name: str, ranges: Mapping[str, Any], smallest: float, draw: np.random.Generator
+) -> dict[str, Any]:
     chosen = dict(ranges)
     found: dict[str, Any] = {}
     for parameter, limits in ranges.items():
         if isinstance(limits, dict):
-            found["column"] = str(draw.choice(sorted(limits)))
+            if "column" not in found:
+                found["column"] = str(draw.choice(sorted(limits)))
             chosen[parameter] = limits[found["column"]]
-    share = float(np.exp(draw.uniform(np.log(SMALLEST), 0.0)))
+    share = float(np.exp(draw.uniform(np.log(smallest), 0.0)))
     share *= float(draw.choice([-1, 1])) if name in SIGNED else 1.0
     values = between(chosen, draw)
     return found | {p: share * value if p in SIZES[name] else value for p, value in values.items()}

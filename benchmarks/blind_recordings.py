@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from blind_cards import NOISE, card_of, off_by, stds_of
-from blind_ranges import BRISTLES, RANGES, ROUGH_SHARE, Effects, declared_of, truth_of
+from blind_ranges import BRISTLES, RANGES, ROUGH_SHARE, Effects, declared_of, offered, truth_of
 from blind_shift import shift_left
 from numpy.typing import NDArray
 
@@ -66,8 +66,8 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     """The recording of a seed, which lacks so many effects; of these names only, where there are any."""
     draw = np.random.default_rng([seed, list(RANGES).index(rig), effects, coloured])
     machine = machine_of(rig, draw)
-    offered = sorted(set(names) & set(RANGES[rig]) if names else RANGES[rig])
-    truth = truth_of(rig, draw.choice(offered, min(effects, len(offered)), replace=False).tolist(), draw)
+    choice = offered(rig, names)
+    truth = truth_of(rig, draw.choice(choice, min(effects, len(choice)), replace=False).tolist(), draw)
     declared = declared_of(rig, truth, draw)
     bristles = _bristles(rig, {*declared, *truth}, draw)
     bench = declared | ({"presliding": {"distance": bristles}} if bristles else {})

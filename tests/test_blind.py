@@ -14,10 +14,12 @@ import blind_recordings  # pyright: ignore[reportMissingImports]
 from blind_cards import off_by  # pyright: ignore[reportMissingImports]
 from blind_file import claimed, kept, key  # pyright: ignore[reportMissingImports]
 from blind_ranges import (  # pyright: ignore[reportMissingImports]
+    OUTSIDE,
     RANGES,
     RESTS_ON_FRICTION,
     SIZES,
     declared_of,
+    offered,
     truth_of,
 )
 from blind_recordings import drawn, noise  # pyright: ignore[reportMissingImports]
@@ -163,6 +165,17 @@ def test_only_names_that_were_asked_for_are_drawn(short):
     few = {effects for _, _, effects, _ in blind.tasks(60, ["driven"], ["creep"])}
     assert few == {0, 1}
     assert list(blind.tasks(5, ["driven"], ["gravity"])) == []
+
+
+@pytest.mark.parametrize("rig", OUTSIDE)
+def test_what_is_outside_the_catalogue_is_drawn_where_it_is_named(rig, short):
+    assert not set(OUTSIDE[rig]) & {*RANGES[rig], *blind.SOUGHT} and offered(rig) == sorted(RANGES[rig])
+    for name, ranges in OUTSIDE[rig].items():
+        truth = truth_of(rig, [name], np.random.default_rng(2))
+        assert set(truth[name]) - {"column"} == {*ranges} and {*ranges} & set(SIZES[name])
+        assert blind.outside({"truth": truth}) == {name}
+    one = drawn(1, rig, 1, False, ["reading_ripple"])
+    assert [*one.truth] == ["reading_ripple"] and one.left > 0
 
 
 def test_coloured_noise_is_half_white_and_half_slow():

@@ -13,6 +13,7 @@ from oracles.muscle import (
     thread_coefficient,
     thread_limit,
 )
+from oracles.outside import push
 
 FINE = 50
 """Substeps to a sample of what creeps."""
@@ -38,6 +39,7 @@ def driven(card, effects, pressure, contraction, velocity, step=0.01):
         plays = moved(plays, strain)
         friction = share * thread_limit(card, effects, strain, p, v)
         tension = aged(effects, corrected_force(card, effects, strain, p, plays), late, row * step)
+        tension += push(effects, row * step, strain * card["initial_length"], v)
         force.append(max(tension - friction, 0.0))
     return np.array(force)
 

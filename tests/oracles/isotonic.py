@@ -20,6 +20,7 @@ from oracles.muscle import (
     thread_coefficient,
     thread_limit,
 )
+from oracles.outside import push, swinging
 from oracles.stepping import runge_kutta
 
 GAMMA, GAS, GRAVITY = 1.4, 287.0, 9.80665
@@ -91,11 +92,13 @@ def isotonic(card, effects, command, step, pressure, substeps, controller=None):
         threads, sides = (b.share(v) for b in bristles) if bristles else (sense, sense)
         force = aged(effects, corrected_force(card, effects, strain, p - ambient, plays), delayed, time)
         pull = max(force - threads * thread_limit(card, effects, strain, p - ambient, v), 0.0)
+        pull += push(effects, time, x, v)
         return pull - mass * GRAVITY - damping * v - sides * guide(v) - hardness * max(x - stop, 0.0)
 
     def rates(state, u, time, sense):
         o, p, x, v, arriving, gas, *delayed = state
-        flow = drooped(area * max(o, 0.0), supply, p, temperature, droop)
+        fed = swinging(effects, supply, time)
+        flow = drooped(area * max(o, 0.0), fed, p, temperature, droop)
         flow -= nozzle(area * max(-o, 0.0) + leak, p, ambient, gas)
         lagging = (flow - arriving) / line if line else 0.0
         flow = arriving if line else flow

@@ -19,6 +19,7 @@ from oracles.muscle import (
     thread_coefficient,
     thread_limit,
 )
+from oracles.outside import push
 from oracles.stepping import runge_kutta
 
 
@@ -72,7 +73,7 @@ def joint(card, effects, command, step, pressure, angle, substeps, controller=No
             friction = slip * thread_limit(muscle, effects, strain, p - ambient, arm * w)
             total += arm * max(force - friction, 0.0)
         total -= link * sin(theta - hanging) + hardness * max(theta - stop, 0.0)
-        return total - damping * w - shares[2] * bearing(w)
+        return total + push(effects, time, theta, w) - damping * w - shares[2] * bearing(w)
 
     def rates(state, told, time, sense):
         r1, r2, d1, d2, p1, p2, theta, w, *delayed = state

@@ -2,6 +2,7 @@
 
 import numpy as np
 from oracles.driven import lagged
+from oracles.outside import misread
 from oracles.plays import behind_play
 
 LAGS = {"pressure_sensor_lag": "pressure", "force_sensor_lag": "force"}
@@ -39,4 +40,4 @@ def _reading(effects, name, true, step):
         true = true + off["offset"]
     if drift := own.get("sensor_drift"):
         true = true + drift["rate"] * step * np.arange(len(true))
-    return true
+    return misread(own, true, step * np.arange(len(true)))
