@@ -90,6 +90,7 @@ def diagnosed(blind: Blind) -> Row:
         "verdict": found.verdict,
         "before": {c: round(e.in_noise, 3) for c, e in found.before["held_out"].items()},
         "after": {c: round(e.in_noise, 3) for c, e in found.after["held_out"].items()},
+        "patterns": [str(left.pattern) for left in found.unexplained if left.pattern],
         "runners_up": [[a.name, round(a.gain, 3)] for a in found.alternatives[:2]],
         "seconds": round(time.perf_counter() - begin, 1),
     }

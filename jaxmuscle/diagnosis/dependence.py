@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from jaxmuscle.diagnosis.diagnosis_data import Error, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
+from jaxmuscle.diagnosis.residual_pattern import residual_pattern
 from jaxmuscle.estimation.case import Case
 
 Series = NDArray[np.float64]
@@ -25,7 +26,9 @@ MOST = 3
 
 @dataclasses.dataclass(frozen=True)
 class Dependence:
-    """Share of the missing rate that smooth functions of `variables` explain on unseen windows."""
+    """Share of what a constant leaves of the missing rate that smooth functions of `variables` explain, on
+    unseen windows.
+    """
 
     variables: tuple[str, ...]
     share: float
@@ -55,11 +58,13 @@ def variables(case: Case) -> dict[str, Series]:
 def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) -> Dependence:
     """Find the variables on which a missing rate depends, one by one, judged on windows left out.
 
+    Each has to explain more than those before it, the first one more than a constant.
+
     Every second training window is fitted, the others judge, and the other way round. Weights are the
     precision of the missing rate at each sample.
     """
     chosen: tuple[str, ...] = ()
-    best = 0.0
+    best = level = max(explained(missing, named, (), case), 0.0)
     while len(chosen) < MOST:
         trials: dict[tuple[str, ...], float] = {
             (*chosen, name): explained(missing, named, (*chosen, name), case)
@@ -72,7 +77,7 @@ def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) ->
         if trials[candidate] < best + WORTHWHILE:
             break
         chosen, best = candidate, trials[candidate]
-    return Dependence(chosen, best)
+    return Dependence(chosen, (best - level) / (1 - level) if chosen else 0.0)
 
 
 def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -90,7 +95,7 @@ def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def explained(missing: MissingRate, named: Mapping[str, Series], names: tuple[str, ...], case: Case) -> float:
     """Share of a missing rate that smooth functions of `names` explain on windows they were not fitted to."""
     rows, fold = _training_rows(case)
-    basis = _basis([named[name][rows] for name in names])
+    basis = _basis([named[name][rows] for name in names]) if names else np.ones((len(rows), 1))
     before = after = 0.0
     for column, values in missing.values.items():
         spread = missing.spread[column][rows]
@@ -148,6 +153,8 @@ def unexplained(
             if unseen > SURPRISE * max(seen, 1.0):
                 rms = max(rms, unseen)
         if rms > UNEXPLAINED:
-            found = dependence(rate, variables(case), case)
-            left.append(Unexplained(rate.link.signal, found.share, found.variables, rms))
+            named, rows = variables(case), np.sort(_training_rows(case)[0])
+            found = dependence(rate, named, case)
+            pattern = residual_pattern(rate, rows, named, case, found.share)
+            left.append(Unexplained(rate.link.signal, found.share, found.variables, rms, pattern))
     return tuple(left)

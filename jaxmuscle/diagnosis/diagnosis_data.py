@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from jaxmuscle import formatting
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SIGN_FLIPS
 from jaxmuscle.effects.base import VARIABLE
@@ -115,14 +116,52 @@ class Error:
     in_noise: float
 
 
+TONE, JUMP, DRIFT, RIPPLE = "tone", "jump", "drift", "ripple"
+
+
+@dataclasses.dataclass(frozen=True)
+class Pattern:
+    """What is left goes with the time, or repeats over a measured variable.
+
+    Attributes:
+        kind: :data:`TONE`, a sine that lasts; :data:`JUMP`, another level from an instant on; :data:`DRIFT`,
+            a slow change; :data:`RIPPLE`, a sine over a variable, as of the teeth of a gear.
+        variable: what it goes with, "time" or a column.
+        at: frequency of a tone [Hz], instant of a jump [s], pitch of a ripple (SI); `None` of a drift.
+        unit: of `at`.
+        share: part of what is missing that it explains, on stretches that it was not fitted to.
+    """
+
+    kind: str
+    variable: str
+    at: float | None
+    unit: str
+    share: float
+
+    def __str__(self) -> str:
+        """What a sentence says that it does."""
+        if self.at is None:
+            return "changes slowly in time"
+        if self.kind == JUMP:
+            return f"has another level from {self.at:.4g} s on"
+        size = formatting.quantity(self.at, self.unit, 3)
+        if self.kind == TONE:
+            return f"swings at {size}, whatever the machine does"
+        return f"repeats every {size} of the {formatting.words(self.variable)}"
+
+
 @dataclasses.dataclass(frozen=True)
 class Unexplained:
-    """What is left in one signal: the part of the missing rate that the named variables explain."""
+    """What is left in one signal: the part of the missing rate that the named variables explain.
+
+    `pattern`: how it goes in time or repeats, where that explains more.
+    """
 
     signal: str
     share: float
     depends_on: tuple[str, ...]
     rms_in_noise: float
+    pattern: Pattern | None = None
 
 
 @dataclasses.dataclass(frozen=True)

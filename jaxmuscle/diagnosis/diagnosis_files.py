@@ -18,6 +18,7 @@ from jaxmuscle.diagnosis.diagnosis_data import (
     Error,
     Estimate,
     FoundEffect,
+    Pattern,
     Reveal,
     Round,
     Traces,
@@ -106,15 +107,19 @@ def _diagnosis(data: Mapping[str, Any], file: Path, kind: type[Result]) -> Resul
         fit=None if fit is None else fit_files.from_content(fit, FitResult, file),
         before=_errors(data["before"]),
         after=_errors(data["after"]),
-        unexplained=tuple(
-            Unexplained(**{**each, "depends_on": tuple(each["depends_on"])}) for each in data["unexplained"]
-        ),
+        unexplained=tuple(map(_unexplained, data["unexplained"])),
         parameters=_estimates(data["parameters"]),
         correlations=pd.DataFrame(table["columns"], index=table["index"] if names else None, dtype=float),
         reveal=None if reveal is None else Reveal(**_floats(reveal, "x", "before", "after")),
         traces=_traces(data["traces"]),
         **{name: data[name] for name in AS_THEY_ARE},
     )
+
+
+def _unexplained(data: Mapping[str, Any]) -> Unexplained:
+    pattern = data.get("pattern")
+    entries = {"depends_on": tuple(data["depends_on"]), "pattern": Pattern(**pattern) if pattern else None}
+    return Unexplained(**{**data, **entries})
 
 
 def _path_text(file: Path | None) -> str | None:

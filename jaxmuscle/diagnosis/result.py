@@ -99,7 +99,12 @@ def _view(diagnosis: Diagnosis) -> View:
         for name, e in diagnosis.parameters.items()
     ]
     left = [
-        (words(each.signal), f"{each.rms_in_noise:.2g}", ", ".join(map(words, each.depends_on)))
+        (
+            words(each.signal),
+            f"{each.rms_in_noise:.2g}",
+            ", ".join(map(words, each.depends_on)),
+            str(each.pattern or ""),
+        )
         for each in diagnosis.unexplained
     ]
     return View(
@@ -112,7 +117,7 @@ def _view(diagnosis: Diagnosis) -> View:
             Table("effects added", ("", "value", "acts on", "removes of the excess error"), effects),
             Table("error on unseen data", ("", "before", "after", "noise", "measured, model"), columns),
             Table("parameters", ("", "value", "meaning"), parameters, open=False),
-            Table("left unexplained", ("", "times the noise", "depends on"), left, open=False),
+            Table("left unexplained", ("", "times the noise", "depends on", "pattern"), left, open=False),
         ],
         notes=[] if diagnosis.converged else ["A fit stopped before it had converged."],
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
@@ -54,6 +55,7 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             "held_out_fraction": diagnosis.held_out_fraction,
             "unexplained": [
                 {"signal": left.signal, "share": left.share, "depends_on": list(left.depends_on)}
+                | ({"pattern": dataclasses.asdict(left.pattern)} if left.pattern else {})
                 for left in diagnosis.unexplained
             ],
             "parameters": _estimates(diagnosis.parameters),

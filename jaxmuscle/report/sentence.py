@@ -141,10 +141,11 @@ def _unexplained(diagnosis: Diagnosis) -> str:
     where = ""
     if diagnosis.unexplained:
         most = max(diagnosis.unexplained, key=lambda left: left.rms_in_noise)
-        variables = listed([words(name) for name in most.depends_on]) if most.depends_on else ""
-        where = f"; it acts on the {words(most.signal)}" + (
-            f" and depends on {variables}" if variables else ""
-        )
+        where = f"; it acts on the {words(most.signal)}"
+        if most.pattern:
+            where += f" and {most.pattern}"
+        elif most.depends_on:
+            where += f" and depends on {listed([words(name) for name in most.depends_on])}"
     first = f"Even with {_added(diagnosis)}, something" if diagnosis.added else "Something"
     return (
         f"{first} is missing that no effect of the catalogue explains: "

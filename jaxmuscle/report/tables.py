@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from jaxmuscle import formatting
-from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, FoundEffect, Round
+from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, FoundEffect, Pattern, Round
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
@@ -171,9 +171,14 @@ def unexplained(diagnosis: Diagnosis) -> list[dict[str, str]]:
             "size": formatting.rounded(left.rms_in_noise),
             "share": formatting.percent(left.share),
             "depends_on": listed([words(name) for name in left.depends_on]) if left.depends_on else "",
+            "pattern": _share_of_pattern(left.pattern) if left.pattern else "",
         }
         for left in diagnosis.unexplained
     ]
+
+
+def _share_of_pattern(pattern: Pattern) -> str:
+    return f"{formatting.percent(pattern.share)} of it {pattern}"
 
 
 def correlation(pair: tuple[str, str, float] | None, strong: float) -> str:

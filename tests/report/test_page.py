@@ -13,7 +13,7 @@ import pytest
 from report.fake import FORCE, diagnosis
 
 from jaxmuscle.decimation import extremes
-from jaxmuscle.diagnosis.diagnosis_data import Estimate
+from jaxmuscle.diagnosis.diagnosis_data import Estimate, Pattern
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
 from jaxmuscle.effects import ForceDrift, LoadFriction
 from jaxmuscle.formatting import capital, words
@@ -139,6 +139,15 @@ def test_doubts_stand_in_a_box_at_the_top() -> None:
     assert "12 readings of position do not count" in box
     assert "Creep helped on unseen training windows and was taken out again" in box
     assert "<b>Doubts</b>" not in page(diagnosis("complete"))
+
+
+def test_a_pattern_of_what_is_left_stands_beside_what_it_depends_on() -> None:
+    found = diagnosis("unexplained")
+    cogs = Pattern("ripple", "position", 0.01089, "m", 0.96)
+    left = dataclasses.replace(found.unexplained[0], pattern=cogs)
+    text = html.unescape(page(dataclasses.replace(found, unexplained=(left,))))
+    said = "depends on <b>position and velocity</b>; 96\u00a0% of it repeats every 10.9 mm of the position."
+    assert said in text
 
 
 def test_a_candidate_that_could_not_be_tried_is_told() -> None:

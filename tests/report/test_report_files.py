@@ -13,7 +13,7 @@ import pytest
 from effects.own import Sleeve
 from report.fake import diagnosis
 
-from jaxmuscle.diagnosis.diagnosis_data import Estimate
+from jaxmuscle.diagnosis.diagnosis_data import Estimate, Pattern
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.effects import BY_NAME, register
 from jaxmuscle.errors import InputError
@@ -199,6 +199,13 @@ def test_effects_and_alternatives() -> None:
     assert outcome["alternatives"][0] == {"name": "load_damping", "held_out_gain": 0.71, "told_apart": True}
     assert "load_friction" not in [other["name"] for other in outcome["alternatives"]]
     assert outcome["unexplained"] == [{"signal": "mass_flow", "share": 0.12, "depends_on": ["pressure"]}]
+
+
+def test_a_pattern_of_what_is_left() -> None:
+    found = diagnosis("unexplained")
+    left = dataclasses.replace(found.unexplained[0], pattern=Pattern("drift", "time", None, "s", 0.9))
+    (outcome,) = result(dataclasses.replace(found, unexplained=(left,)))["unexplained"]
+    assert outcome["pattern"] == {"kind": "drift", "variable": "time", "at": None, "unit": "s", "share": 0.9}
 
 
 def test_what_is_not_finite_becomes_null() -> None:

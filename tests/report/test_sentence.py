@@ -4,7 +4,7 @@ import dataclasses
 
 from report.fake import diagnosis
 
-from jaxmuscle.diagnosis.diagnosis_data import Estimate
+from jaxmuscle.diagnosis.diagnosis_data import Estimate, Pattern
 from jaxmuscle.effects import BladderStiffness, LoadDamping
 from jaxmuscle.report.doubts import doubts
 from jaxmuscle.report.sentence import indistinguishable, sentence
@@ -30,6 +30,14 @@ def test_unexplained_says_where_and_does_not_guess() -> None:
     assert "no effect of the catalogue explains" in text
     assert text.endswith("; it acts on the load and depends on position and velocity.")
     assert not any(word in text for word in ("friction", "damping", "creep"))
+
+
+def test_a_pattern_of_what_is_left_is_told_in_the_place_of_variables() -> None:
+    found = diagnosis("unexplained")
+    (left,) = found.unexplained
+    shaken = dataclasses.replace(left, pattern=Pattern("tone", "time", 6.7137, "Hz", 0.98))
+    text = sentence(dataclasses.replace(found, unexplained=(shaken,)))
+    assert text.endswith("; it acts on the load and swings at 6.71 Hz, whatever the machine does.")
 
 
 def test_what_cannot_be_told_apart_is_said() -> None:
