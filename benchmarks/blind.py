@@ -301,9 +301,11 @@ def main() -> int:
     arguments = parser.parse_args()
     start = time.perf_counter()
     jm.configure(compile_cache=True)
-    only = arguments.outside or arguments.only_effect is not None
-    outsiders = sorted({name for causes in OUTSIDE.values() for name in causes})
-    names = outsiders if arguments.outside else [arguments.only_effect] if only else arguments.names
+    names, only = list(arguments.names), arguments.outside or arguments.only_effect is not None
+    if arguments.outside:
+        names = sorted({name for causes in OUTSIDE.values() for name in causes})
+    elif only:
+        names = [str(arguments.only_effect)]
     rows = run(arguments.count, arguments.rigs, arguments.file, names, only, arguments.begin)
     reached = figures(rows)
     print("\nSingle effects that change a reading by", f"{SEEN:g} times its noise, and clean recordings:")

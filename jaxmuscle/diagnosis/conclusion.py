@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from jaxmuscle.diagnosis.discrepancy import missing_rates
 from jaxmuscle.diagnosis.last_fit import BorneOut, Outcome, estimates, found_effect, held_out_rows
 from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
+from jaxmuscle.diagnosis.residual_pattern import left_by
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.verdict import (
@@ -61,7 +63,10 @@ def conclude(
     traces = _traces(case, outcome, begun())
     before, after = (errors(case, each, traces.held_out) for each in (traces.before, traces.after))
     squares = bench.least_mean_squares(outcome.model, training)
-    left = unexplained(case, missing, squares, after)
+    residuals = bench.residuals(outcome.model, training)
+    residual_of = partial(left_by, outcome.model, residuals, training)
+    left = unexplained(case, missing, squares, after, residual_of)
+    first = outcome.found[0].effects[0] if outcome.found else None
     noise = {column: noise_of(case, column) for column in traces.measured}
     of_columns = {c: squares[out] for out, names in case.actuator.outputs.items() for c in names}
     windows = [training_squares(case, each) for each in (traces.before, traces.after)]
@@ -101,7 +106,7 @@ def conclude(
         unexplained=left,
         parameters=values,
         correlations=final.correlations if final else pd.DataFrame(),
-        reveal=reveal(case, outcome.model, outcome.found[0].effects[0] if outcome.found else None, missing),
+        reveal=reveal(case, outcome.model, first, missing, left),
         traces=traces,
         converged=outcome.converged and (final is None or final.code in SETTLED),
         seconds=time.perf_counter() - begin,

@@ -5,7 +5,7 @@ leaves unexplained.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jaxmuscle.diagnosis.diagnosis_data import Error, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
-from jaxmuscle.diagnosis.residual_pattern import residual_pattern
+from jaxmuscle.diagnosis.residual_pattern import Residual, residual_pattern
 from jaxmuscle.estimation.case import Case
 
 Series = NDArray[np.float64]
@@ -143,8 +143,13 @@ def unexplained(
     missing: Sequence[MissingRate],
     squares: Mapping[str, float],
     after: Mapping[str, Mapping[str, Error]],
+    residual_of: Callable[[str], Residual],
 ) -> tuple[Unexplained, ...]:
-    """Links whose residual the final model leaves large, on the training data or only on unseen data."""
+    """Links whose residual the final model leaves large, on the training data or only on unseen data.
+
+    Args:
+        residual_of: gives what the model leaves of an output on the training windows.
+    """
     left = []
     for rate in missing:
         rms = float(np.sqrt(squares[rate.link.output]))
@@ -153,8 +158,8 @@ def unexplained(
             if unseen > SURPRISE * max(seen, 1.0):
                 rms = max(rms, unseen)
         if rms > UNEXPLAINED:
-            named, rows = variables(case), np.sort(_training_rows(case)[0])
+            named = variables(case)
             found = dependence(rate, named, case)
-            pattern = residual_pattern(rate, rows, named, case, found.share)
+            pattern = residual_pattern(residual_of(rate.link.output), named, case, found.share)
             left.append(Unexplained(rate.link.signal, found.share, found.variables, rms, pattern))
     return tuple(left)

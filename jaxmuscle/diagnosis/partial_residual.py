@@ -18,7 +18,7 @@ from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.candidates import without as without_it
 from jaxmuscle.diagnosis.card_constants import CardConstant
 from jaxmuscle.diagnosis.dependence import Series, dependence, explained, variables
-from jaxmuscle.diagnosis.diagnosis_data import Reveal
+from jaxmuscle.diagnosis.diagnosis_data import RIPPLE, TONE, Pattern, Reveal, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
 from jaxmuscle.effects.base import COMMANDED, LOG_TIME, LOOP, TIME, VARIABLE
 from jaxmuscle.estimation.case import Case
@@ -38,17 +38,22 @@ ENDS = 0.05
 
 
 def reveal(
-    case: Case, model: AbstractActuator, effect: Sought | None, missing: Sequence[MissingRate]
+    case: Case,
+    model: AbstractActuator,
+    effect: Sought | None,
+    missing: Sequence[MissingRate],
+    left: Sequence[Unexplained] = (),
 ) -> Reveal | None:
     """Partial residuals of `effect`: what the final model lacks when only that is taken out of it.
 
     The fitted declared model would show less: its other parameters are bent to make up for what it lacks.
-    Without an effect, what the model lacks is shown against the variable on which it depends most; `None`
-    if it depends on none, or nothing that is measured moves.
+    Without an effect, what the model lacks is shown by its pattern, or against the variable on which it
+    depends most; `None` if it depends on none, or nothing that is measured moves.
 
     Args:
         model: the final model.
         missing: its missing rates.
+        left: what it leaves unexplained.
     """
     bare = missing_rates(case, replace(model, without_it(effect))) if effect else missing
     old, new, column = max(
@@ -58,6 +63,9 @@ def reveal(
     name = None if effect is None else effect.name
     shown = Reveal(name, old.link.signal, "", "", old.unit, old.values[column] * np.nan,
                    old.values[column], new.values[column])  # fmt: skip
+    pattern = next((each.pattern for each in left if each.signal == old.link.signal), None)
+    if effect is None and pattern is not None:
+        return _by_pattern(case, shown, pattern)
     view = VARIABLE if effect is None or isinstance(effect, CardConstant) else effect.view
     if view == TIME:
         return dataclasses.replace(
@@ -83,6 +91,17 @@ def reveal(
         difference = _difference(old, new, column)
         variable = max(named, key=lambda each: explained(difference, named, (each,), case))
     return _against(case, shown, variable, named[variable], LOOP if view == LOOP else VARIABLE)
+
+
+def _by_pattern(case: Case, shown: Reveal, pattern: Pattern) -> Reveal:
+    """A tone within one of its periods, a ripple over its variable, all else in time."""
+    if pattern.kind == RIPPLE:
+        return _against(case, shown, pattern.variable, case.filled.columns[pattern.variable], VARIABLE)
+    time = case.recording.time
+    if pattern.kind == TONE and pattern.at is not None:
+        within = np.mod(time, 1 / pattern.at)
+        return dataclasses.replace(shown, variable="time within a period", variable_unit="s", x=within)
+    return dataclasses.replace(shown, variable="time", variable_unit="s", x=time, view=TIME)
 
 
 def _against(case: Case, shown: Reveal, variable: str, x: Series, view: str) -> Reveal:

@@ -123,8 +123,11 @@ def _search(diagnosis: Diagnosis, index: int) -> dict[str, Any]:
     search, title = diagnosis.rounds[index], f"Search {index + 1}"
     rows = tables.ranking(search)
     if search.added is None:
-        best = f"; the best was {rows[0]['name']} ({rows[0]['gain']}, {rows[0]['p']})" if rows else ""
-        outcome = f"none of {len(rows)} candidates helped enough to be added{best}"
+        judged = rows and rows[0]["gain"]  # those that are tried on unseen windows come first
+        best = f"; the best was {rows[0]['name']} ({rows[0]['gain']}, {rows[0]['p']})" if judged else ""
+        many = f"none of {len(rows)} candidates helped"
+        none = "the only candidate did not help" if len(rows) == 1 else many
+        outcome = f"{none} enough to be added{best}"
     else:
         outcome = f"{formatting.words(search.added)} was added"
     if search.beside:

@@ -11,6 +11,7 @@ from oracles.recorded import NOISE, STEP, clock, driven_card, driven_recording
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.card_constants import card_constants
+from jaxmuscle.diagnosis.diagnosis_data import Pattern, Unexplained
 from jaxmuscle.diagnosis.discrepancy import missing_rates
 from jaxmuscle.diagnosis.partial_residual import holds, reveal
 from jaxmuscle.effects import (
@@ -112,6 +113,25 @@ def test_a_drift_is_shown_over_time():
     recording = driven_recording({}, driven_card({}))
     found = shown(recording, ForceDrift)
     assert found.view == TIME and (found.x == recording.time).all()
+
+
+def test_without_an_effect_a_pattern_says_how_what_is_left_is_shown():
+    prepared = case(driven_recording({}, driven_card({})), 0.3)
+    missing = missing_rates(prepared, prepared.actuator)
+
+    def by(kind, variable, at, unit):
+        left = Unexplained("muscle_force", 0.1, ("pressure",), 9.0, Pattern(kind, variable, at, unit, 0.9))
+        found = reveal(prepared, prepared.actuator, None, missing, [left])
+        assert found is not None and found.effect is None
+        return found
+
+    tone = by("tone", "time", 6.7, "Hz")
+    assert (tone.variable, tone.variable_unit, tone.view) == ("time within a period", "s", VARIABLE)
+    assert 0 <= tone.x.min() < tone.x.max() < 1 / 6.7
+    ripple = by("ripple", "position", 0.01, "m")
+    assert (ripple.variable, ripple.variable_unit, ripple.view) == ("position", "m", VARIABLE)
+    for found in (by("jump", "time", 9.0, "s"), by("drift", "time", None, "s")):
+        assert (found.variable, found.variable_unit, found.view) == ("time", "s", TIME)
 
 
 def test_what_an_effect_does_not_say_is_a_variable_and_so_is_a_constant():

@@ -164,6 +164,17 @@ def test_a_candidate_that_could_not_be_tried_is_told() -> None:
     assert not any("could not be tried" in each for each in doubts(found))
 
 
+def test_a_search_without_a_candidate_worth_judging_has_no_best_one() -> None:
+    found = diagnosis("unexplained")
+    first, *others = (dataclasses.replace(each, judged=False) for each in found.rounds[0].ranking)
+    for ranking, told in (
+        ((first, *others), f"none of {1 + len(others)} candidates helped enough to be added."),
+        ((first,), "the only candidate did not help enough to be added."),
+    ):
+        search = dataclasses.replace(found.rounds[0], ranking=ranking, added=None)
+        assert told in html.unescape(page(dataclasses.replace(found, rounds=(search,))))
+
+
 def test_few_stretches_are_told() -> None:
     found = diagnosis("effects found")
     (first, *others), *rest = found.rounds[0].ranking, *found.rounds[1:]
