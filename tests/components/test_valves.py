@@ -47,7 +47,7 @@ def test_regulator_has_its_natural_frequency_and_damping():
 
     poles = np.linalg.eigvals(jax.jacobian(rates)(jnp.array([2e5, 1e4])))
     np.testing.assert_allclose(np.abs(poles), 2 * np.pi * 12, rtol=1e-12)
-    np.testing.assert_allclose(-poles.real / np.abs(poles), 0.85, rtol=1e-12)
+    np.testing.assert_allclose(-np.real(poles) / np.abs(poles), 0.85, rtol=1e-12)
 
 
 def test_regulator_rests_at_its_command():

@@ -25,7 +25,7 @@ ONE = np.ones(1)
 def remembering(rho, seed, rows=ROWS):
     """An autoregression of the first order and variance 1."""
     white = np.random.default_rng(seed).normal(size=rows + 500)
-    return np.asarray(lfilter([np.sqrt(1 - rho**2)], [1, -rho], white))[500:]
+    return np.asarray(lfilter([np.sqrt(1 - rho**2)], [1, -rho], white), dtype=np.float64)[500:]
 
 
 def counted(kind, seed):

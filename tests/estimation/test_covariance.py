@@ -20,7 +20,7 @@ FREE = np.zeros(3, bool)
 
 def filtered(above, below, series):
     """The output of a linear filter."""
-    return np.asarray(lfilter(above, below, series))
+    return np.asarray(lfilter(above, below, series), dtype=np.float64)
 
 
 def unknowns(prior=None, count=3):

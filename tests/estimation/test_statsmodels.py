@@ -164,7 +164,7 @@ def test_the_size_of_residuals_is_hubers_second_proposal():
 def coloured(rows, seed=2):
     """An autoregression of second order."""
     white = np.random.default_rng(seed).normal(size=rows + 500)
-    return np.asarray(lfilter([1.0], [1, -1.2, 0.5], white))[500:]
+    return np.asarray(lfilter([1.0], [1, -1.2, 0.5], white), dtype=np.float64)[500:]
 
 
 @pytest.mark.parametrize("order", [1, 2, 7])
