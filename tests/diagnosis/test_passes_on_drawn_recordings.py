@@ -9,6 +9,7 @@ import pytest
 import jaxmuscle as jm
 from jaxmuscle.effects import (
     Backlash,
+    BladderStiffness,
     ChamberLeak,
     Creep,
     DeadVolume,
@@ -17,6 +18,7 @@ from jaxmuscle.effects import (
     LengthHysteresis,
     LoadDamping,
     MuscleMismatch,
+    PressureDependentEnds,
     SupplyDroop,
     ThreadFriction,
     ValveOffset,
@@ -69,8 +71,9 @@ def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monk
     assert found.after["held_out"]["position"].in_noise < 5.0
 
 
-def test_a_rough_bearing_is_found_and_its_joint_fitted():
+def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
     """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
+    sought_among(monkeypatch, [BladderStiffness, LengthHysteresis, PressureDependentEnds, LoadDamping])
     blind = drawn(9, "joint", 1, False, NAMES)
     assert blind.bristles > 0
     found = jm.diagnose(blind.recording)
