@@ -29,6 +29,7 @@ PERIODS = 3.0
 CELLS = 256
 """Cells into which the range of a variable is divided, for the spectrum over it."""
 KNOTS = 9
+"""Of a drift, over the length of the recording: what changes faster is none."""
 FEWEST = 100
 """Readings below which no pattern is looked for."""
 EDGE = 0.05
