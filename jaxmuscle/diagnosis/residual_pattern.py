@@ -55,6 +55,7 @@ class Residual:
     """What a model leaves of a column, reading by reading in the order of windows.
 
     Attributes:
+        column: its name.
         values: predicted less measured, in units of the noise.
         rows: of the recording.
         parts: number of the part of a window, predicted from the measured state, that each belongs to.
