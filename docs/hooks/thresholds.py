@@ -17,6 +17,7 @@ PLACES = {
     "jaxmuscle.diagnosis.folds": ("FOLDS",),
     "jaxmuscle.diagnosis.verdict": ("MISSING", "FAR_OFF", "ABOVE_NOISE", "IMITATED", "MUCH", "EXPLAINED",
                                     "SURE", "VIOLATED", "SURPRISING"),
+    "jaxmuscle.diagnosis.dependence": ("WORTHWHILE", "LEAST_CONSTANT"),
     "jaxmuscle.diagnosis.residual_pattern": ("PERIODS", "LEAST", "VARIES", "CLEARER", "MOVED"),
 }  # fmt: skip
 """Module → its thresholds."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.diagnosis.dependence import unexplained
 from jaxmuscle.diagnosis.diagnosis_data import Traces
-from jaxmuscle.diagnosis.discrepancy import missing_rates
+from jaxmuscle.diagnosis.discrepancy import missing_rates, rate_slopes
 from jaxmuscle.diagnosis.last_fit import BorneOut, Outcome, estimates, found_effect, held_out_rows
 from jaxmuscle.diagnosis.partial_residual import reveal
 from jaxmuscle.diagnosis.prediction_errors import errors, noise_of, predicted_columns, training_squares
@@ -65,7 +65,9 @@ def conclude(
     squares = bench.least_mean_squares(outcome.model, training)
     residuals = bench.residuals(outcome.model, training)
     residual_of = partial(left_by, outcome.model, residuals, training)
-    left = unexplained(case, missing, squares, after, residual_of)
+    free = bench.unknowns(outcome.model, bench.free_paths(outcome.model, names), names)
+    slopes = cache(partial(rate_slopes, case, outcome.model, free))
+    left = unexplained(case, missing, slopes, squares, after, residual_of)
     first = outcome.found[0].effects[0] if outcome.found else None
     noise = {column: noise_of(case, column) for column in traces.measured}
     of_columns = {c: squares[out] for out, names in case.actuator.outputs.items() for c in names}

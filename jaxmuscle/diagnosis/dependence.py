@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from jaxmuscle.diagnosis.diagnosis_data import Error, Unexplained
-from jaxmuscle.diagnosis.discrepancy import MissingRate
+from jaxmuscle.diagnosis.diagnosis_data import CONSTANT, Error, Pattern, Unexplained
+from jaxmuscle.diagnosis.discrepancy import MissingRate, Slopes
 from jaxmuscle.diagnosis.excitation import columns_moving_within_a_segment, moving_columns
 from jaxmuscle.diagnosis.residual_pattern import Residual, residual_pattern
 from jaxmuscle.estimation.case import Case
@@ -22,16 +22,22 @@ KNOTS = 9
 WORTHWHILE = 0.05
 """Further share that a variable must explain to be named."""
 MOST = 3
+LEAST_CONSTANT = 0.5
+"""Share of what is missing that a constant explains at least, to be named."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Dependence:
-    """Share of what a constant leaves of the missing rate that smooth functions of `variables` explain, on
-    unseen windows.
+    """What explains a missing rate on unseen windows, beside the free parameters of the model.
+
+    Attributes:
+        variables, share: share that smooth functions of these explain of what a constant leaves.
+        constant: share that a constant explains of what the free parameters alone leave.
     """
 
     variables: tuple[str, ...]
     share: float
+    constant: float
 
 
 def variables(case: Case) -> dict[str, Series]:
@@ -55,19 +61,25 @@ def variables(case: Case) -> dict[str, Series]:
     return named
 
 
-def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) -> Dependence:
+def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case, slopes: Slopes) -> Dependence:
     """Find the variables on which a missing rate depends, one by one, judged on windows left out.
 
     Each has to explain more than those before it, the first one more than a constant.
 
     Every second training window is fitted, the others judge, and the other way round. Weights are the
-    precision of the missing rate at each sample.
+    precision of the missing rate at each sample. The free parameters of the model are fitted along: those of
+    a model that lacks something are bent to make up for it. A joint without its gravity was given more
+    friction than it has, so that what it lacked seemed to depend on the velocity.
+
+    Args:
+        slopes: of the missing rate by the free parameters (:func:`~discrepancy.rate_slopes`).
     """
     chosen: tuple[str, ...] = ()
-    best = level = max(explained(missing, named, (), case), 0.0)
+    bent = max(explained(missing, named, None, case, slopes), 0.0)
+    best = level = max(explained(missing, named, (), case, slopes), bent)
     while len(chosen) < MOST:
         trials: dict[tuple[str, ...], float] = {
-            (*chosen, name): explained(missing, named, (*chosen, name), case)
+            (*chosen, name): explained(missing, named, (*chosen, name), case, slopes)
             for name in named
             if name not in chosen
         }
@@ -77,7 +89,8 @@ def dependence(missing: MissingRate, named: Mapping[str, Series], case: Case) ->
         if trials[candidate] < best + WORTHWHILE:
             break
         chosen, best = candidate, trials[candidate]
-    return Dependence(chosen, (best - level) / (1 - level) if chosen else 0.0)
+    constant = (level - bent) / (1 - bent) if bent < 1 else 0.0
+    return Dependence(chosen, (best - level) / (1 - level) if chosen else 0.0, constant)
 
 
 def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -92,24 +105,74 @@ def _training_rows(case: Case) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.concatenate(rows), np.concatenate(folds)
 
 
-def explained(missing: MissingRate, named: Mapping[str, Series], names: tuple[str, ...], case: Case) -> float:
-    """Share of a missing rate that smooth functions of `names` explain on windows they were not fitted to."""
+def explained(
+    missing: MissingRate,
+    named: Mapping[str, Series],
+    names: tuple[str, ...] | None,
+    case: Case,
+    slopes: Slopes | None = None,
+) -> float:
+    """Share of a missing rate that smooth functions of `names` explain on windows they were not fitted to.
+
+    Args:
+        names: without any, a constant; `None`: not even that.
+        slopes: of the missing rate by what else is free.
+    """
     rows, fold = _training_rows(case)
-    basis = _basis([named[name][rows] for name in names]) if names else np.ones((len(rows), 1))
+    basis = _smooth(named, names, rows)
     before = after = 0.0
     for column, values in missing.values.items():
-        spread = missing.spread[column][rows]
-        weight = 1 / np.maximum(spread, np.quantile(spread, 0.05) + 1e-300)
-        target, scaled = values[rows] * weight, basis * weight[:, None]
+        weight = _precision(missing, column, rows)
+        terms = basis if slopes is None else np.hstack([basis, _of_one_size(slopes[column][rows])])
+        target, scaled = values[rows] * weight, terms * weight[:, None]
         for judged in (0, 1):
             fitted, unseen = fold != judged, fold == judged
-            ridge = np.sqrt(1e-6) * np.linalg.norm(scaled[fitted], axis=0).max() * np.eye(basis.shape[1])
-            coefficients = np.linalg.lstsq(
-                np.vstack([scaled[fitted], ridge]), np.concatenate([target[fitted], ridge[0] * 0]), rcond=None
-            )[0]
+            coefficients = _ridge_regression(scaled[fitted], target[fitted])
             before += float((target[unseen] ** 2).sum())
             after += float(((target[unseen] - scaled[unseen] @ coefficients) ** 2).sum())
     return 1 - after / before if before > 0 else 0.0
+
+
+def missing_constant(missing: MissingRate, case: Case, slopes: Slopes) -> float:
+    """The constant that explains a missing rate best beside the free parameters; of the column where it is
+    largest against its spread.
+    """
+    rows, _ = _training_rows(case)
+    found = []
+    for column, values in missing.values.items():
+        weight = _precision(missing, column, rows)
+        terms = np.hstack([np.ones((len(rows), 1)), _of_one_size(slopes[column][rows])])
+        found.append(_ridge_regression(terms * weight[:, None], values[rows] * weight)[0])
+    sizes = [np.median(missing.spread[column][rows]) for column in missing.values]
+    return float(max(zip(found, sizes, strict=True), key=lambda pair: abs(pair[0]) / pair[1])[0])
+
+
+def _precision(missing: MissingRate, column: str, rows: NDArray[np.int64]) -> Series:
+    spread = missing.spread[column][rows]
+    return 1 / np.maximum(spread, np.quantile(spread, 0.05) + 1e-300)
+
+
+def _of_one_size(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Slopes by what acts on a column at all, each with 1 as its largest value, as hat functions have."""
+    size = np.abs(slopes).max(axis=0)
+    acts = np.isfinite(size) & (size > 0)
+    return slopes[:, acts] / size[acts]
+
+
+def _ridge_regression(terms: NDArray[np.float64], target: Series) -> Series:
+    if not terms.shape[1]:
+        return np.zeros(0)
+    ridge = np.sqrt(1e-6) * np.linalg.norm(terms, axis=0).max() * np.eye(terms.shape[1])
+    padded = np.concatenate([target, ridge[0] * 0])
+    return np.linalg.lstsq(np.vstack([terms, ridge]), padded, rcond=None)[0]
+
+
+def _smooth(
+    named: Mapping[str, Series], names: tuple[str, ...] | None, rows: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    if names is None:
+        return np.zeros((len(rows), 0))
+    return _basis([named[name][rows] for name in names]) if names else np.ones((len(rows), 1))
 
 
 def _basis(series: list[Series]) -> NDArray[np.float64]:
@@ -141,6 +204,7 @@ UNEXPLAINED = 3.0
 def unexplained(
     case: Case,
     missing: Sequence[MissingRate],
+    slopes: Callable[[], Sequence[Slopes]],
     squares: Mapping[str, float],
     after: Mapping[str, Mapping[str, Error]],
     residual_of: Callable[[str], Residual],
@@ -148,10 +212,11 @@ def unexplained(
     """Links whose residual the final model leaves large, on the training data or only on unseen data.
 
     Args:
+        slopes: gives those of the missing rates by the free parameters, link by link.
         residual_of: gives what the model leaves of an output on the training windows.
     """
     left = []
-    for rate in missing:
+    for i, rate in enumerate(missing):
         rms = float(np.sqrt(squares[rate.link.output]))
         for column in case.actuator.outputs[rate.link.output]:
             seen, unseen = (after[part][column].in_noise for part in ("training", "held_out"))
@@ -159,7 +224,10 @@ def unexplained(
                 rms = max(rms, unseen)
         if rms > UNEXPLAINED:
             named = variables(case)
-            found = dependence(rate, named, case)
+            found = dependence(rate, named, case, slopes()[i])
             pattern = residual_pattern(residual_of(rate.link.output), named, case, found.share)
+            if pattern is None and found.constant > LEAST_CONSTANT:
+                level = missing_constant(rate, case, slopes()[i])
+                pattern = Pattern(CONSTANT, "time", level, rate.unit, found.constant)
             left.append(Unexplained(rate.link.signal, found.share, found.variables, rms, pattern))
     return tuple(left)

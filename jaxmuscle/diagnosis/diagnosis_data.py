@@ -116,18 +116,20 @@ class Error:
     in_noise: float
 
 
-TONE, JUMP, DRIFT, RIPPLE = "tone", "jump", "drift", "ripple"
+TONE, JUMP, DRIFT, RIPPLE, CONSTANT = "tone", "jump", "drift", "ripple", "constant"
 
 
 @dataclasses.dataclass(frozen=True)
 class Pattern:
-    """What is left goes with the time, or repeats over a measured variable.
+    """What is left goes with the time, repeats over a measured variable, or is mostly constant.
 
     Attributes:
         kind: :data:`TONE`, a sine that lasts; :data:`JUMP`, another level from an instant on; :data:`DRIFT`,
-            a slow change; :data:`RIPPLE`, a sine over a variable, as of the teeth of a gear.
+            a slow change; :data:`RIPPLE`, a sine over a variable, as of the teeth of a gear;
+            :data:`CONSTANT`, about the same at all times.
         variable: what it goes with, "time" or a column.
-        at: frequency of a tone [Hz], instant of a jump [s], pitch of a ripple (SI); `None` of a drift.
+        at: frequency of a tone [Hz], instant of a jump [s], pitch of a ripple (SI), size of a constant
+            (of the missing rate, SI); `None` of a drift.
         unit: of `at`.
         share: part of what is missing that it explains, on stretches that it was not fitted to.
     """
@@ -142,6 +144,8 @@ class Pattern:
         """What a sentence says that it does."""
         if self.at is None:
             return "changes slowly in time"
+        if self.kind == CONSTANT:
+            return f"is mostly constant, about {formatting.quantity(self.at, self.unit)}"
         if self.kind == JUMP:
             return f"has another level from {self.at:.4g} s on"
         size = formatting.quantity(self.at, self.unit, 3)

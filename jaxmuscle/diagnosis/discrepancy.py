@@ -5,12 +5,13 @@ it.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle._traced_programs import KeptProgram
@@ -18,6 +19,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.actuators.sensing import sensed
 from jaxmuscle.actuators.variables import Link, rate_unit
 from jaxmuscle.estimation.case import Case
+from jaxmuscle.estimation.free_parameters import Unknowns, moved_machine
 from jaxmuscle.estimation.padding import longer_track
 from jaxmuscle.estimation.windows import bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
@@ -25,6 +27,8 @@ from jaxmuscle.simulation import Track, held_at, observe
 from jaxmuscle.simulation.sensor_errors import shown_readings, true_track
 
 Series = NDArray[np.float64]
+Slopes = Mapping[str, Float[np.ndarray, "rows k"]]
+"""Column → derivatives of its missing rate by the coordinates of k free parameters, at every sample."""
 Arrays = dict[str, Array]
 
 
@@ -57,6 +61,39 @@ def missing_rates(case: Case, model: AbstractActuator) -> list[MissingRate]:
         up, down = (rates_and_readings(model, other, samples, substeps)[0] for other in shifted)
         variance = {n: v + (0.5 * (up[n] - down[n])) ** 2 for n, v in variance.items()}
     return [_of_link(case, model, link, rates, readings, variance) for link in model.links]
+
+
+DIFFERENCE = 1e-4
+"""Step of a difference quotient, in coordinates."""
+ROUNDING = 1e-11
+"""Part of the largest rate of a column up to which a change is none, but rounding."""
+
+
+def rate_slopes(case: Case, model: AbstractActuator, unknowns: Unknowns) -> list[Slopes]:
+    """Derivatives of :func:`missing_rates`, of every link, by the free parameters of a fitted model."""
+
+    def modelled(machine: AbstractActuator) -> list[dict[str, Series]]:
+        found = rates_and_readings(machine, case.observed.track, case.observed.samples, case.problem.substeps)
+        return [_modelled(machine, link, *found) for link in machine.links]
+
+    here, point = modelled(model), unknowns.coordinates(unknowns.start)
+    steps = np.diag(np.where(point + DIFFERENCE > unknowns.upper, -DIFFERENCE, DIFFERENCE))
+    moved = [(step, modelled(moved_machine(model, unknowns, point + step, 0))) for step in steps]
+
+    def slope(values: Series, there: Series, step: float) -> Series:
+        change = there - values
+        moves = np.abs(change).max() > ROUNDING * np.abs(values).max()
+        return -change / step if moves else np.zeros_like(values)
+
+    return [
+        {
+            column: np.array([slope(values, there[i][column], step.sum()) for step, there in moved])
+            .reshape(len(moved), len(values))
+            .T
+            for column, values in link.items()
+        }
+        for i, link in enumerate(here)
+    ]
 
 
 def _shifted(track: Track, name: str, shift: Series) -> Track:
@@ -105,19 +142,33 @@ def _of_link(
     unit = model.column(names[0]).unit
     values, spread = {}, {}
     if link.output not in model.measured:
-        for name, modelled in _by_column(names, readings[link.output]).items():
+        for name, modelled in _modelled(model, link, rates, readings).items():
             values[name] = columns[name] - modelled
             spread[name] = np.full_like(
                 modelled, case.recording.card.noise.get(name) or noise_level(columns[name])
             )
         return MissingRate(link, values, spread, unit)
-    state = next((d for d, base in model.derivatives.items() if base == link.output), link.output)
+    state = _rate_state(model, link)
     order = 1 if state == link.output else 2
-    for name, modelled in _by_column(names, rates[state]).items():
+    for name, modelled in _modelled(model, link, rates, readings).items():
         estimate, own = smooth(columns[name], step, noise_level(columns[name]), order)
         values[name] = estimate - modelled
         spread[name] = np.hypot(own, np.sqrt(_by_column(names, variance[state])[name]))
     return MissingRate(link, values, spread, rate_unit(unit) if order == 1 else rate_unit(rate_unit(unit)))
+
+
+def _rate_state(model: AbstractActuator, link: Link) -> str:
+    """The state behind a measured output whose rate the model gives: its velocity, if it has one."""
+    return next((d for d, base in model.derivatives.items() if base == link.output), link.output)
+
+
+def _modelled(
+    model: AbstractActuator, link: Link, rates: dict[str, Series], readings: dict[str, Series]
+) -> dict[str, Series]:
+    """What a model gives for each column of a link: the rate of the state behind it, or the reading."""
+    integrated = link.output in model.measured
+    values = rates[_rate_state(model, link)] if integrated else readings[link.output]
+    return _by_column(model.outputs[link.output], values)
 
 
 def _by_column(names: tuple[str, ...], values: Series) -> dict[str, Series]:

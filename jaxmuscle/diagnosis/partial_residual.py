@@ -17,7 +17,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import Sought
 from jaxmuscle.diagnosis.candidates import without as without_it
 from jaxmuscle.diagnosis.card_constants import CardConstant
-from jaxmuscle.diagnosis.dependence import Series, dependence, explained, variables
+from jaxmuscle.diagnosis.dependence import Series, explained, variables
 from jaxmuscle.diagnosis.diagnosis_data import RIPPLE, TONE, Pattern, Reveal, Unexplained
 from jaxmuscle.diagnosis.discrepancy import MissingRate, missing_rates
 from jaxmuscle.effects.base import COMMANDED, LOG_TIME, LOOP, TIME, VARIABLE
@@ -47,8 +47,8 @@ def reveal(
     """Partial residuals of `effect`: what the final model lacks when only that is taken out of it.
 
     The fitted declared model would show less: its other parameters are bent to make up for what it lacks.
-    Without an effect, what the model lacks is shown by its pattern, or against the variable on which it
-    depends most; `None` if it depends on none, or nothing that is measured moves.
+    Without an effect, what the model leaves unexplained is shown by its pattern, or against the variable on
+    which it depends most; `None` if nothing is left, or it depends on none, or nothing measured moves.
 
     Args:
         model: the final model.
@@ -56,16 +56,22 @@ def reveal(
         left: what it leaves unexplained.
     """
     bare = missing_rates(case, replace(model, without_it(effect))) if effect else missing
+    of_signal = {each.signal: each for each in left}
     old, new, column = max(
-        ((a, b, c) for a, b in zip(bare, missing, strict=True) for c in a.values),
+        (
+            (a, b, c)
+            for a, b in zip(bare, missing, strict=True)
+            for c in a.values
+            if effect is not None or not left or a.link.signal in of_signal
+        ),
         key=lambda entry: _size(entry[0] if effect is None else _difference(*entry), entry[2]),
     )
     name = None if effect is None else effect.name
     shown = Reveal(name, old.link.signal, "", "", old.unit, old.values[column] * np.nan,
                    old.values[column], new.values[column])  # fmt: skip
-    pattern = next((each.pattern for each in left if each.signal == old.link.signal), None)
-    if effect is None and pattern is not None:
-        return _by_pattern(case, shown, pattern)
+    unexplained = of_signal.get(old.link.signal)
+    if effect is None and unexplained is not None and unexplained.pattern is not None:
+        return _by_pattern(case, shown, unexplained.pattern)
     view = VARIABLE if effect is None or isinstance(effect, CardConstant) else effect.view
     if view == TIME:
         return dataclasses.replace(
@@ -82,11 +88,9 @@ def reveal(
     if not named:
         return None
     if effect is None:
-        alone = dataclasses.replace(old, values={column: old.values[column]})
-        found = dependence(alone, named, case).variables
-        if not found:
+        if unexplained is None or not unexplained.depends_on:
             return None
-        variable = found[0]
+        variable = unexplained.depends_on[0]
     else:
         difference = _difference(old, new, column)
         variable = max(named, key=lambda each: explained(difference, named, (each,), case))

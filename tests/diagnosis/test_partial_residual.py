@@ -130,7 +130,8 @@ def test_without_an_effect_a_pattern_says_how_what_is_left_is_shown():
     assert 0 <= tone.x.min() < tone.x.max() < 1 / 6.7
     ripple = by("ripple", "position", 0.01, "m")
     assert (ripple.variable, ripple.variable_unit, ripple.view) == ("position", "m", VARIABLE)
-    for found in (by("jump", "time", 9.0, "s"), by("drift", "time", None, "s")):
+    constant = by("constant", "time", -3.0, "N")
+    for found in (by("jump", "time", 9.0, "s"), by("drift", "time", None, "s"), constant):
         assert (found.variable, found.variable_unit, found.view) == ("time", "s", TIME)
 
 

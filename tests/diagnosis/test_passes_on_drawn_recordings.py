@@ -153,3 +153,13 @@ def test_play_is_found_though_the_error_that_it_leaves_lasts_and_weighs_little(m
     assert (
         found.after["held_out"]["position"].in_noise < 2.5 < 5 < found.before["held_out"]["position"].in_noise
     )
+
+
+def test_what_bent_friction_leaves_is_not_said_to_go_with_the_velocity():
+    """A joint without its gravity is given more friction than it has, 116 noise units off."""
+    blind = drawn(300002, "joint", 1, False, ("gravity",))
+    found = jm.diagnose(blind.recording, catalogue=[ChamberLeak], constants=False)
+    assert found.verdict == "unexplained"
+    (left,) = found.unexplained
+    assert left.signal == "load" and left.rms_in_noise > 50
+    assert "angular_velocity" not in left.depends_on

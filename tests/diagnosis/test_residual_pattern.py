@@ -27,7 +27,8 @@ def pattern_of(prepared, values, grown=False):
     rows = np.flatnonzero(prepared.usable["force"])
     rows = rows[rows < 0.69 * len(values)]
     left = residual(prepared, noisy, rows, grown)
-    return residual_pattern(left, named, prepared, dependence(missing, named, prepared).share)
+    none = {"force": np.zeros((len(values), 0))}
+    return residual_pattern(left, named, prepared, dependence(missing, named, prepared, none).share)
 
 
 def found_in(prepared, values, grown=False) -> Pattern:

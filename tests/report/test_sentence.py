@@ -38,6 +38,9 @@ def test_a_pattern_of_what_is_left_is_told_in_the_place_of_variables() -> None:
     shaken = dataclasses.replace(left, pattern=Pattern("tone", "time", 6.7137, "Hz", 0.98))
     text = sentence(dataclasses.replace(found, unexplained=(shaken,)))
     assert text.endswith("; it acts on the load and swings at 6.71 Hz, whatever the machine does.")
+    hung = dataclasses.replace(left, pattern=Pattern("constant", "time", -1.234, "m/s^2", 0.8))
+    text = sentence(dataclasses.replace(found, unexplained=(hung,)))
+    assert text.endswith("; it acts on the load and is mostly constant, about -1.2 m/s².")
 
 
 def test_what_cannot_be_told_apart_is_said() -> None:
