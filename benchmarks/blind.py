@@ -66,7 +66,6 @@ def tasks(
 
 def diagnosed(blind: Blind) -> Row:
     """A line of the file; a recording that is refused counts as such."""
-    begin = time.perf_counter()
     row: Row = {
         "truth": blind.truth,
         "noise": blind.noise,
@@ -75,6 +74,7 @@ def diagnosed(blind: Blind) -> Row:
         "left": round(blind.left, 2),
         "most": round(blind.most, 2),
     }
+    begin = time.perf_counter()
     try:
         found = jm.diagnose(blind.recording)
     except InputError as error:

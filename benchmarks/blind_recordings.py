@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -41,25 +42,41 @@ class Blind:
             of which "column".
         noise: "white", or "coloured": as much again, correlated over a tenth of a second to two.
         bristles: the distance over which dry friction builds up, 0 on a bench of sharp friction.
-        shift: what a reading differs by from one without an effect, root mean square over its noise; the
-            largest of all readings and effects. Where a recorded column is imposed, without the effect but
-            as recorded.
-        left: the same of the effect that shows least, after the card's uncertain parameters and those of the
-            other effect have taken over what they can.
-        most: of the effect that shows most.
         machine: true constants (SI).
         effects: all that are there, declared or not.
+        measure: gives what :attr:`shift` and :attr:`left` are of each true effect; ten simulations more.
     """
 
     recording: Recording
     truth: Effects
     noise: str
     bristles: float
-    shift: float
-    left: float
-    most: float
     machine: Mapping[str, float]
     effects: Effects
+    measure: Callable[[], Sequence[tuple[float, float]]]
+
+    @cached_property
+    def _shifts(self) -> Sequence[tuple[float, float]]:
+        return self.measure()
+
+    @property
+    def shift(self) -> float:
+        """What a reading differs by from one without an effect, root mean square over its noise; the largest
+        of all readings and effects. Where a recorded column is imposed, without the effect but as recorded.
+        """
+        return max((whole for whole, _ in self._shifts), default=0.0)
+
+    @property
+    def left(self) -> float:
+        """The same of the effect that shows least, after the card's uncertain parameters and those of the
+        other effect have taken over what they can.
+        """
+        return min((own for _, own in self._shifts), default=0.0)
+
+    @property
+    def most(self) -> float:
+        """:attr:`left` of the effect that shows most."""
+        return max((own for _, own in self._shifts), default=0.0)
 
 
 def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str] = ()) -> Blind:
@@ -74,19 +91,19 @@ def drawn(seed: int, rig: str, effects: int, coloured: bool, names: Sequence[str
     if "gas_heating" in truth:
         machine["polytropic_exponent"] = 1.0  # the share is counted from the isothermal law
     motion = MOTIONS[rig](draw)
-    columns = readings_of(rig, machine, bench | truth, motion)
-    shifts = [
-        shift_of(name, rig, machine, bench, truth, stds_of(rig, declared), motion, columns) for name in truth
-    ]
-    shift, most = (max((each[i] for each in shifts), default=0.0) for i in (0, 1))
-    left = min((own for _, own in shifts), default=0.0)
+    exact, stds = readings_of(rig, machine, bench | truth, motion), stds_of(rig, declared)
+    columns = {**exact}
     for name, size in NOISE[rig].items():
-        columns[name] = columns[name] + size * noise(len(columns[name]), STEPS[rig], coloured, draw)
+        columns[name] = exact[name] + size * noise(len(exact[name]), STEPS[rig], coloured, draw)
     card = card_of(rig, machine, declared, draw)
     columns = {name: columns[name] for name in card.columns if name in columns}
     recording = Recording(f"{rig}-{seed}", None, None, card, _clock(rig), STEPS[rig], columns)
+
+    def measure() -> list[tuple[float, float]]:
+        return [shift_of(name, rig, machine, bench, truth, stds, motion, exact) for name in truth]
+
     kind = "coloured" if coloured else "white"
-    return Blind(recording, truth, kind, bristles, shift, left, most, machine, bench | truth)
+    return Blind(recording, truth, kind, bristles, machine, bench | truth, measure)
 
 
 def shift_of(
