@@ -159,7 +159,7 @@ def _of_one_size(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     return slopes[:, acts] / size[acts]
 
 
-def _ridge_regression(terms: NDArray[np.float64], target: Series) -> Series:
+def _ridge_regression(terms: NDArray[np.float64], target: Series) -> NDArray[np.floating]:
     if not terms.shape[1]:
         return np.zeros(0)
     ridge = np.sqrt(1e-6) * np.linalg.norm(terms, axis=0).max() * np.eye(terms.shape[1])
