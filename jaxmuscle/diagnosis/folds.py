@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.evidence import SAFE, Blocks, Losses, block_losses
+from jaxmuscle.diagnosis.head_start import head_start
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import SLOW, Workbench
 from jaxmuscle.estimation.windows import Problem
@@ -50,7 +51,8 @@ class Folds:
     def judged(
         self, bench: Workbench, fitted: SettledFit, effects: Sequence[str], fold: int
     ) -> tuple[Losses, AbstractActuator]:
-        """A model fitted, with `effects`, to all folds but one, and its losses on that one.
+        """A model fitted, with `effects`, to all folds but one, and its losses on that one, without the head
+        start that a clock offset is (:mod:`~jaxmuscle.diagnosis.head_start`).
 
         Args:
             fitted: the model fitted to everything, where the fit begins, and its weights.
@@ -64,7 +66,8 @@ class Folds:
 
         model = bench.kept("fold", fitted.model, effects, (fitting, fitted.factors), fit).model
         residuals = bench.residuals(model, self.problem)
-        return block_losses(residuals, self.problem.weights, self.block, judged), model
+        losses = block_losses(residuals, self.problem.weights, self.block, judged)
+        return losses + head_start(bench, model, self.problem, self.block, judged), model
 
     def _beside(self, judged: NDArray[np.int64]) -> NDArray[np.int64]:
         """The judged blocks and those near them that are not fitted either."""

@@ -159,6 +159,21 @@ def command_before(actuator: AbstractActuator, track: Track, first: Array | int)
     return resting if track.before is None else jnp.where(jnp.asarray(first) == 0, track.before, resting)
 
 
+def with_earlier_commands(track: Track, time: float) -> Track:
+    """A copy whose commands come a time [s] earlier: between samples on a straight line, held at the end of
+    a stretch. Outside of compiled programs.
+    """
+    command, samples = np.asarray(track.command), track.command.shape[0]
+    begins = np.zeros(samples, dtype=bool) if track.begins is None else np.asarray(track.begins)
+    edges = [0, *(np.flatnonzero(begins[1:]) + 1).tolist(), samples]
+    columns = command.reshape(samples, -1).copy()
+    for first, end in zip(edges[:-1], edges[1:], strict=True):
+        rows = np.arange(first, end)
+        for values in columns[first:end].T:
+            values[:] = np.interp(rows + time / float(track.step), rows, values.copy())
+    return dataclasses.replace(track, command=jnp.asarray(columns.reshape(command.shape)))
+
+
 def sampling_step(times: ArrayLike) -> float:
     """The step of uniform sampling instants [s]; `ValueError` when they are not at least two and uniform."""
     steps = np.diff(np.asarray(times, dtype=float))
