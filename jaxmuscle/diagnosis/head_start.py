@@ -26,7 +26,7 @@ CLOCK = ClockOffset.kind
 
 
 def sought_delays(bench: ModelResiduals, model: AbstractActuator) -> dict[str, float]:
-    """Column → time by which it is read late by a candidate that `model` has [s]; none that are not late."""
+    """Column → time by which a candidate in `model` says that it is read late [s]; of early ones nothing."""
     sought = {candidate.name for candidate in bench.candidates}
     offsets = [e for n, e in model.effects.items() if isinstance(e, ClockOffset) and n in sought]
     return {e.column: float(e.delay) for e in offsets if e.column and float(e.delay) > 0}
