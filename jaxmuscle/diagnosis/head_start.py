@@ -54,17 +54,6 @@ def residuals_begun_later(
     return found
 
 
-def residuals_on_equal_terms(
-    bench: ModelResiduals, one: AbstractActuator, other: AbstractActuator, problem: Problem
-) -> tuple[Evaluated, Evaluated]:
-    """Weighted residuals of two models, each with the head start that the other one has and it has not."""
-    first, second = sought_delays(bench, one), sought_delays(bench, other)
-    return (
-        residuals_begun_later(bench, one, problem, _beyond(second, first)),
-        residuals_begun_later(bench, other, problem, _beyond(first, second)),
-    )
-
-
 def head_start(
     bench: ModelResiduals,
     model: AbstractActuator,
@@ -87,12 +76,6 @@ def head_start(
     plain, begun_later = (residuals_begun_later(bench, model, problem, each) for each in ({}, delays))
     before, after = (block_losses(each, problem.weights, block, judged) for each in (plain, begun_later))
     return np.maximum(before - after, 0.0)
-
-
-def _beyond(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
-    """Column → by how much the first delay is more than the second; of those columns in which it is."""
-    differences = {column: delay - other.get(column, 0.0) for column, delay in one.items()}
-    return {column: more for column, more in differences.items() if more > 0}
 
 
 def _all_read_later(

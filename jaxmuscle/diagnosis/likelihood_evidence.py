@@ -9,7 +9,6 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import Sought, paths_of
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO, Evidence
 from jaxmuscle.diagnosis.folds import STEPS
-from jaxmuscle.diagnosis.head_start import residuals_on_equal_terms
 from jaxmuscle.diagnosis.likelihood_ratio import likelihood_ratio_test
 from jaxmuscle.diagnosis.settled_fit import SettledFit
 from jaxmuscle.diagnosis.workbench import Workbench
@@ -37,10 +36,11 @@ def by_likelihood(
     """
     starts = (model, bench.with_card_values(model))
     present = bench.best_fit(starts, accepted, problem, STEPS).model
+    before = bench.residuals(present, problem)
     judged = []
     for (effects, larger), told in zip(promising, evidence, strict=True):
         if told.too_few_stretches(found, times):
-            before, after = residuals_on_equal_terms(bench, present, larger.model, problem)
+            after = bench.residuals(larger.model, problem)
             parameters = sum(len(paths_of(larger.model, effect.name)) for effect in effects)
             p_value = tried * likelihood_ratio_test(before, after, problem.weights, parameters)
             told = dataclasses.replace(told, p_value=min(p_value, 1.0), test=LIKELIHOOD_RATIO)

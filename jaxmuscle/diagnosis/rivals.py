@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence, Set
-from typing import NamedTuple
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.candidates import paths_of
 from jaxmuscle.diagnosis.evidence import gain
 from jaxmuscle.diagnosis.excitation import excited
 from jaxmuscle.diagnosis.folds import STEPS
-from jaxmuscle.diagnosis.head_start import residuals_on_equal_terms
 from jaxmuscle.diagnosis.likelihood_ratio import more_likely
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking, rank, told_apart, unseen_loss
 from jaxmuscle.diagnosis.screening import parts_removed
@@ -63,17 +61,11 @@ def rivals(
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """The model of a candidate fitted to whole windows, and the states taken as it predicts them."""
-
-    model: AbstractActuator
-    predicted_inputs: Set[str]
-
-
-class Compared(NamedTuple):
-    """The model of a candidate fitted to whole windows, and what it leaves."""
+    """The model of a candidate fitted to whole windows, what it leaves, states taken as it predicts them."""
 
     model: AbstractActuator
     residuals: Evaluated
+    predicted_inputs: Set[str]
 
 
 class WholeWindowFits:
@@ -91,25 +83,22 @@ class WholeWindowFits:
             bench, training = dataclasses.replace(self.bench, predicting=predicting), self.training
             names = [*self.accepted, *(effect.name for effect in candidate.effects)]
             model = bench.settled(candidate.model, names, training, STEPS).model
-            self._found[key] = Fitted(model, bench.predicted_inputs(model, training))
+            inputs = bench.predicted_inputs(model, training)
+            self._found[key] = Fitted(model, bench.residuals(model, training), inputs)
         return self._found[key]
 
-    def on_equal_terms(self, one: Candidate, other: Candidate) -> tuple[Compared, Compared]:
-        """Two candidates with inputs as the models predict them, if both predict the same; else as measured;
-        each with the head start of the other.
+    def on_equal_terms(self, one: Candidate, other: Candidate) -> tuple[Fitted, Fitted]:
+        """Two candidates with inputs as the models predict them, if both predict the same; else as measured.
 
         A slow error of a pressure that is taken as measured hides which muscle effect moves a joint: over 470
         readings went together what a bladder left, called ends that depend on the pressure, and over 110 with
         pressures as predicted (joint 123030 of `blind_recordings.drawn`: -1.7 in twice the logarithm of the
         odds, and 8.9).
         """
-        first, second = self.of(one, True), self.of(other, True)
-        predicting = first.predicted_inputs == second.predicted_inputs
-        if not predicting:
-            first, second = self.of(one, False), self.of(other, False)
-        bench, models = dataclasses.replace(self.bench, predicting=predicting), (first.model, second.model)
-        left = residuals_on_equal_terms(bench, *models, self.training)
-        return Compared(first.model, left[0]), Compared(second.model, left[1])
+        both = self.of(one, True), self.of(other, True)
+        if both[0].predicted_inputs == both[1].predicted_inputs:
+            return both
+        return self.of(one, False), self.of(other, False)
 
 
 def does_better(fits: WholeWindowFits, rival: Candidate, found: Candidate, stretch: int) -> bool:

@@ -13,7 +13,6 @@ from jaxmuscle.diagnosis.evidence import blocks
 from jaxmuscle.diagnosis.head_start import (
     head_start,
     residuals_begun_later,
-    residuals_on_equal_terms,
     sought_delays,
 )
 from jaxmuscle.diagnosis.workbench import workbench
@@ -112,19 +111,6 @@ def test_everything_read_later_leaves_less_of_what_a_model_lacks():
         residuals_begun_later(made, late(0.0), problem, ahead)["angle"] for ahead in ({}, {"angle": 2e-2})
     )
     assert 0.1 < (other**2).mean() / (one**2).mean() < 0.7
-
-
-def test_two_models_are_compared_with_the_same_head_start():
-    made, problem, late = ready(1, inertia=0.8, shaken=30.0)
-    one, other = residuals_on_equal_terms(made, late(0.0), late(1e-2), problem)
-    for found, expected in (
-        (one, residuals_begun_later(made, late(0.0), problem, {"angle": 1e-2})),
-        (other, made.residuals(late(1e-2), problem)),
-    ):
-        np.testing.assert_array_equal(found["angle"], expected["angle"])
-    second, first = residuals_on_equal_terms(made, late(1e-2), late(0.0), problem)
-    np.testing.assert_array_equal(first["angle"], one["angle"])
-    np.testing.assert_array_equal(second["angle"], other["angle"])
 
 
 @pytest.mark.slow

@@ -71,9 +71,12 @@ def test_ten_stretches_are_enough_for_a_first_effect_but_not_for_a_pair(monkeypa
     module = importlib.import_module("jaxmuscle.diagnosis.likelihood_evidence")
     monkeypatch.setattr(module, "likelihood_ratio_test", lambda *of: 1e-6)
     monkeypatch.setattr(module, "paths_of", lambda *of: ["strength"])
-    monkeypatch.setattr(module, "residuals_on_equal_terms", lambda *of: ({}, {}))
     anything: Any = SimpleNamespace(model=None, weights={})
-    bench: Any = SimpleNamespace(with_card_values=lambda model: model, best_fit=lambda *of: anything)
+    bench: Any = SimpleNamespace(
+        with_card_values=lambda model: model,
+        best_fit=lambda *of: anything,
+        residuals=lambda *of: {},
+    )
     told = Evidence(0.8, 0.0045, 1.0, stretches=10)
     pair: Any = ((BladderStiffness, ThreadFriction), anything)
     first, second = (

@@ -93,11 +93,6 @@ class Bench:
         return {"force": 50.0 if model is MODEL and not self.explains else 1.0}
 
 
-def left_by_both(bench, one, other, problem):
-    """Residuals of two models without a clock offset."""
-    return bench.residuals(one, problem), bench.residuals(other, problem)
-
-
 def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, explains=True, before=()):
     """The candidates, best first, after what waits was tried against the one that was found: a rarer effect,
     or, after others that were found `before`, what refines a friction. `likelier`: by how much it is.
@@ -108,7 +103,6 @@ def after_rivals(monkeypatch, first_losses, rival_losses, *, likelier=0.0, expla
     monkeypatch.setattr(rivals_module, "rank", lambda *of_model: of(candidate(FIRST, first_losses), rival))
     monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
     monkeypatch.setattr(rivals_module, "more_likely", lambda *residuals: likelier)
-    monkeypatch.setattr(rivals_module, "residuals_on_equal_terms", left_by_both)
     bench: Any = Bench(explains)
     anything: Any = SimpleNamespace(weights={})
     fits = rivals_module.WholeWindowFits(bench, [each.name for each in before], anything)
@@ -146,7 +140,6 @@ def the_likelier(monkeypatch, odds, supported=2, **of_bench):
 
     monkeypatch.setattr(rivals_module, "paths_of", lambda *of_model: ["strength"])
     monkeypatch.setattr(rivals_module, "more_likely", more_likely)
-    monkeypatch.setattr(rivals_module, "residuals_on_equal_terms", left_by_both)
     judged = [
         dataclasses.replace(candidate(effect, LOSSES + 1e-9 * i), model=effect.name)
         for i, effect in enumerate((FIRST, RARER, OTHER))
