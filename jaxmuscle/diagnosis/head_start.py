@@ -35,9 +35,7 @@ def sought_delays(bench: ModelResiduals, model: AbstractActuator) -> dict[str, f
 def residuals_begun_later(
     bench: ModelResiduals, model: AbstractActuator, problem: Problem, ahead: Mapping[str, float]
 ) -> Evaluated:
-    """Weighted residuals of a model that gets a head start in some columns, where it is one.
-
-    Where a column leaves more with it (a command that steps between samples), it is as it was.
+    """Weighted residuals of a model that gets a head start in some columns.
 
     Args:
         ahead: column → how much later the readings are with which windows begin [s].
@@ -49,8 +47,7 @@ def residuals_begun_later(
             for i, column in enumerate(columns):
                 if ahead.get(column) == delay and output in found:
                     place = (..., i) if len(columns) > 1 else ...
-                    if (late[output][place] ** 2).sum() < (found[output][place] ** 2).sum():
-                        found[output][place] = late[output][place]
+                    found[output][place] = late[output][place]
     return found
 
 

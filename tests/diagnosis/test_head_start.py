@@ -10,11 +10,7 @@ from scipy.signal import butter, filtfilt
 
 import jaxmuscle as jm
 from jaxmuscle.diagnosis.evidence import blocks
-from jaxmuscle.diagnosis.head_start import (
-    head_start,
-    residuals_begun_later,
-    sought_delays,
-)
+from jaxmuscle.diagnosis.head_start import head_start, residuals_begun_later, sought_delays
 from jaxmuscle.diagnosis.workbench import workbench
 from jaxmuscle.effects import reading_effect
 from jaxmuscle.estimation.case import case
