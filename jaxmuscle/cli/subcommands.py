@@ -34,6 +34,15 @@ if TYPE_CHECKING:
     from jaxmuscle.recordings import Recording
 
 
+Loss: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        help="What fits make small: squares, or huber or student, under which stretches with large errors "
+        "that no model explains (a blow, a jammed guide) pull less."
+    ),
+]
+
+
 def diagnose(
     recordings: Annotated[
         list[Path] | None,
@@ -56,6 +65,7 @@ def diagnose(
         ),
     ] = None,
     ignore: Ignore = None,
+    loss: Loss = "squares",
     report: Annotated[bool, typer.Option(help="Write the page report.html.")] = True,
     resample: Resample = False,
     stretch: Stretch = None,
@@ -89,7 +99,7 @@ def diagnose(
         given = of_one_bench(read_all(files, card, resample=resample, stretch=stretch, every=every))
         kept = held_out_part(given, held_out, "--held-out") if held_out else None
         ignored = rows_within(given, ignore, "--ignore") if ignore else None
-        asked = {"held_out": kept, "ignored": ignored, "further": own, "progress": tell}
+        asked = {"held_out": kept, "ignored": ignored, "further": own, "loss": loss, "progress": tell}
         with checkpoint_beside(folder, resume) as checkpoint:
             found = run(given, **asked, resume=checkpoint)
             tell("writing the results")
@@ -164,7 +174,7 @@ def fit(
         list[str] | None, typer.Option(help="What to fit with one value for each recording.")
     ] = None,
     profile: Annotated[list[str] | None, typer.Option(help="Parameter whose profile is computed.")] = None,
-    loss: Annotated[str, typer.Option(help="squares, huber or student.")] = "squares",
+    loss: Loss = "squares",
     estimate_noise: Annotated[
         bool, typer.Option("--estimate-noise", help="Take the noise from the residuals, not from the card.")
     ] = False,

@@ -217,7 +217,7 @@ def _needed(bench: Workbench, present: SettledFit, problem: Problem) -> float:
     """Fall of the cost below that of the `present` model at which a candidate is worth a whole fit."""
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
     residuals = bench.residuals(present.model, problem)
-    excess = 0.5 * telling_excess(residuals, problem.weights, block, present.factors)
+    excess = 0.5 * telling_excess(residuals, problem.weights, block, present.factors, bench.loss)
     return max(HOPE * excess, min(LEAST, PLENTY * excess))
 
 

@@ -116,6 +116,7 @@ def conclude(
             "windows": len(case.windows),
             "held_out_windows": int(case.windows.held_out.sum()),
             "substeps": case.problem.substeps,
+            "loss": type(bench.loss).__name__.lower(),
             "candidates": [effect.name for effect in bench.candidates],
             **({"constants": [each.quantity for each in bench.constants]} if bench.constants else {}),
             "random": "none: nothing is drawn at random",

@@ -14,6 +14,8 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import rankdata
 
+from jaxmuscle.estimation.losses import SQUARES, Loss
+
 TELLING = float(np.log(3.0))
 """Loss above which a block tells two models apart: a mean square of twice the noise."""
 
@@ -115,6 +117,7 @@ def telling_excess(
     weights: Mapping[str, ArrayLike],
     block: Blocks,
     factors: Mapping[str, ArrayLike] | None = None,
+    loss: Loss = SQUARES,
 ) -> float:
     """Sum of squared weighted residuals beyond what noise leaves, over the blocks in which a model misses.
 
@@ -123,15 +126,16 @@ def telling_excess(
 
     Args:
         factors: output → what its weights are multiplied by (one for each of its columns), if not by 1.
+        loss: whose double takes the place of the squares.
     """
     found = 0.0
     for output, values in residuals.items():
         there = np.asarray(weights[output]) > 0
         shape = (*there.shape[:2], -1)
-        squares, count = (np.where(there, each, 0.0).reshape(shape) for each in (np.square(values), 1.0))
-        scale = np.square(np.broadcast_to(1.0 if factors is None else factors[output], squares.shape[-1]))
-        mean = _per_block(squares.sum(-1), block) / np.maximum(_per_block(count.sum(-1), block), 1)
-        beyond = _per_block((squares - count) @ scale, block)
+        left, count = (np.where(there, each, 0.0).reshape(shape) for each in (values, 1.0))
+        scale = np.broadcast_to(1.0 if factors is None else factors[output], left.shape[-1])
+        mean = _per_block((left**2).sum(-1), block) / np.maximum(_per_block(count.sum(-1), block), 1)
+        beyond = _per_block((2 * loss.cost(left * scale) - count * scale**2).sum(-1), block)
         found += float(beyond[np.log1p(mean) > TELLING].sum())
     return max(found, 0.0)
 

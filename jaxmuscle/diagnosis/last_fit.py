@@ -165,7 +165,7 @@ def _final_fit(case: Case, bench: Workbench, outcome: Outcome, names: list[str])
     held_out, none = held_out_rows(case), np.zeros(len(case.recording), dtype=bool)
     unused = {column: held_out | outcome.masks.get(column, none) for column in case.usable}
     program, given = bench.program(model, names), (case.recording,)
-    found = estimate(model, given, asked, unused, Method(noise=DISCREPANCY, program=program))
+    found = estimate(model, given, asked, unused, Method(bench.loss, DISCREPANCY, program=program))
     lean = bench.bare(found.actuator, names)
     return dataclasses.replace(found, actuator=lean, actuators=(lean,))
 

@@ -14,7 +14,7 @@ from jaxmuscle.diagnosis.evidence import Losses, block_losses, blocks
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.dataset import Station
-from jaxmuscle.estimation.losses import Squares
+from jaxmuscle.estimation.losses import SQUARES, Loss
 from jaxmuscle.estimation.objective import Objective, SharedProgram
 from jaxmuscle.estimation.predicted_inputs import with_inputs_of, with_predicted_inputs
 from jaxmuscle.estimation.residual_layout import ResidualLayout
@@ -34,11 +34,13 @@ class ModelResiduals(CandidateModels):
         width: number of tangents of a fit.
         predicting: whether links have inputs as the model that is looked at predicts them, where it may
             (:func:`~jaxmuscle.estimation.predicted_inputs.with_predicted_inputs`); else as measured.
+        loss: by which models are fitted.
     """
 
     case: Case
     width: int
     predicting: bool
+    loss: Loss = SQUARES
 
     def objective(
         self, model: AbstractActuator, problem: Problem, paths: Sequence[str], effects: Sequence[str]
@@ -55,7 +57,7 @@ class ModelResiduals(CandidateModels):
             case.observed.spread,
         )
         unknowns = self.unknowns(model, paths, effects)
-        return Objective([station], unknowns, Squares(), program=self.program(model, effects))
+        return Objective([station], unknowns, self.loss, program=self.program(model, effects))
 
     def program(self, model: AbstractActuator, effects: Sequence[str]) -> SharedProgram:
         """What evaluates every fit of models of one structure."""
@@ -79,7 +81,7 @@ class ModelResiduals(CandidateModels):
         for output, columns in layout.columns.items():
             values, weights = (layout.table(output, each[output]) for each in (left, problem.weights))
             found[output] = [
-                Discrepancy.of(values[..., i].ravel(), weights[..., i].ravel() > 0)
+                Discrepancy.of(values[..., i].ravel(), weights[..., i].ravel() > 0, self.loss)
                 for i in range(len(columns))
             ]
         return found

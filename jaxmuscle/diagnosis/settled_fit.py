@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.estimation.losses import SQUARES, Loss
 from jaxmuscle.estimation.serialization import plain, restored
 from jaxmuscle.estimation.weights import Discrepancy
 from jaxmuscle.estimation.windows import Problem
@@ -35,10 +36,10 @@ def weight_factors(left: Mapping[str, Sequence[Discrepancy]]) -> Factors:
     return {output: np.array([each.factor for each in columns]) for output, columns in left.items()}
 
 
-def noise_squares(factors: Factors, problem: Problem) -> float:
-    """Sum of squares that the sensors' noise leaves where weights are multiplied by `factors`."""
+def cost_of_noise(factors: Factors, problem: Problem, loss: Loss) -> float:
+    """Cost that the sensors' noise leaves where weights are multiplied by `factors`."""
     counts = {out: int((np.asarray(w) > 0).sum()) for out, w in problem.weights.items()}
-    return sum(float((each**2).mean()) * counts[out] for out, each in factors.items())
+    return sum(float(loss.cost_of_noise(each).mean()) * counts[out] for out, each in factors.items())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +83,7 @@ class SettledFit:
     def noise_in_residuals(self, problem: Problem) -> float:
         """Root mean square residual that the sensors' noise leaves by these weights."""
         readings = sum(int((np.asarray(w) > 0).sum()) for w in problem.weights.values())
-        return math.sqrt(noise_squares(self.factors, problem) / max(readings, 1))
+        return math.sqrt(2 * cost_of_noise(self.factors, problem, SQUARES) / max(readings, 1))
 
 
 def best_of(fits: Sequence[SettledFit]) -> int:

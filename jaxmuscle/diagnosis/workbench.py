@@ -17,14 +17,15 @@ from jaxmuscle.diagnosis.settled_fit import (
     SettledFit,
     as_record,
     best_of,
+    cost_of_noise,
     from_record,
-    noise_squares,
     weight_factors,
 )
 from jaxmuscle.effects.base import AbstractEffect
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.checkpoint import NOTHING_KEPT, Checkpoint
 from jaxmuscle.estimation.free_parameters import moved_machine
+from jaxmuscle.estimation.losses import SQUARES, Loss
 from jaxmuscle.estimation.windows import Problem
 from jaxmuscle.optimization.descents import Lane, Limits, Tolerances
 from jaxmuscle.optimization.levenberg_marquardt import descend
@@ -235,7 +236,7 @@ class Workbench(ModelResiduals):
         objective = self.objective(model, problem.reweighted(factors), paths, effects)
         unknowns, samples = objective.unknowns, objective.samples
         bounds = (unknowns.lower, unknowns.upper)
-        floor = 0.5 * noise_squares(factors, problem)
+        floor = cost_of_noise(factors, problem, self.loss)
         ends = Tolerances(fall=FALL, slow=slow, floor=floor, least=LEAST_EXCESS)
         if goal is not None:
             ends = dataclasses.replace(ends, **goal._asdict())
@@ -258,6 +259,7 @@ def workbench(
     rivals: Sequence[type[AbstractEffect]] = (),
     checkpoint: Checkpoint = NOTHING_KEPT,
     predicting: bool = False,
+    loss: Loss = SQUARES,
 ) -> Workbench:
     """The workbench of a case, for candidates, and for refinements and rivals that wait until something was
     found.
@@ -275,5 +277,6 @@ def workbench(
         case,
         width,
         predicting,
+        loss,
         checkpoint,
     )

@@ -39,6 +39,28 @@ class Loss(abc.ABC):
         """Slopes (…, k, n) of residuals (…, n) by k unknowns, times the weights of the residuals."""
         return slopes * self.weight(r)[..., None, :]
 
+    def rooted(self, r: Array) -> Array:
+        r"""Residuals of which the squares are twice the losses: :math:`\operatorname{sign}(r) \sqrt{2 ρ(r)}`.
+
+        Methods of least squares minimise any loss by these (Triggs, McLauchlan, Hartley and Fitzgibbon,
+        "Bundle adjustment: a modern synthesis", 2000, section 4.3). NaN stays NaN.
+        """
+        return np.sign(r) * np.sqrt(2 * self.cost(r))
+
+    def rooted_slopes(self, slopes: Array, r: Array) -> Array:
+        r"""Slopes of :meth:`rooted`, from those (k, n) of residuals (n) by k unknowns.
+
+        Their factor is :math:`ψ(r) / \sqrt{2 ρ(r)}`, 1 at zero; slopes at NaN stay as they are.
+        """
+        root = np.abs(self.rooted(r))
+        there = root > 0
+        return slopes * np.where(there, self.weight(r) * np.abs(r) / np.where(there, root, 1.0), 1.0)
+
+    def cost_of_noise(self, size: Array) -> Array:
+        """Mean of ρ over normal residuals of these sizes."""
+        density = np.exp(-0.5 * NORMAL**2)
+        return self.cost(np.multiply.outer(size, NORMAL)) @ density / density.sum()
+
     def scatter(self, r: Array) -> Array:
         """What a residual adds to the size of all: its square, of an outlier no more than :data:`LIMIT`²."""
         return np.minimum(np.abs(r), LIMIT) ** 2
@@ -93,9 +115,26 @@ class Squares(Loss):
         del r
         return slopes
 
+    def rooted(self, r: Array) -> Array:
+        """The residuals themselves."""
+        return r
+
+    def rooted_slopes(self, slopes: Array, r: Array) -> Array:
+        """The slopes themselves."""
+        del r
+        return slopes
+
+    def cost_of_noise(self, size: Array) -> Array:
+        """Half the squares of the sizes."""
+        return 0.5 * np.square(size)
+
     def scatter(self, r: Array) -> Array:
         """r²."""
         return r**2
+
+    def size(self, r: Array, axis: int | tuple[int, ...] | None = None) -> Array:
+        """The root mean square, without division by turns."""
+        return np.sqrt(np.asarray(self.mean_square(r, axis)))
 
     def weight(self, r: Array) -> Array:
         """ψ(r)/r."""
@@ -145,7 +184,8 @@ class Student(Loss):
         return self.freedom * (self.freedom - r**2) / (self.freedom + r**2) ** 2
 
 
-LOSSES: dict[str, Loss] = {"squares": Squares(), "huber": Huber(), "student": Student()}
+SQUARES = Squares()
+LOSSES: dict[str, Loss] = {"squares": SQUARES, "huber": Huber(), "student": Student()}
 
 
 def loss_named(loss: str | Loss) -> Loss:

@@ -161,25 +161,27 @@ class Objective:
         return cost, wrong.sum(axis=1), gradient, matrix
 
     def with_priors(self, u: Vector) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "k n"]]:
-        """Residuals of all recordings and distances from the priors, and their derivatives."""
+        """Residuals of all recordings by the loss (:meth:`Loss.rooted`) and distances from the priors, and
+        their derivatives.
+        """
         size, parts = len(self.unknowns), []
         for number in range(len(self.stations)):
             r, slopes = (each[0] for each in self.residuals(number, u[None]))
             whole = np.zeros((size, len(r)))
-            whole[self.unknowns.acting_on(number)] = slopes
-            parts.append((r, whole))
+            whole[self.unknowns.acting_on(number)] = self.loss.rooted_slopes(slopes, r)
+            parts.append((self.loss.rooted(r), whole))
         parts.append((self.unknowns.prior_residuals(u), np.diag(self.unknowns.prior_slopes)))
         values, slopes = zip(*parts, strict=True)
         return np.concatenate(values), np.concatenate(slopes, axis=1)
 
     def values_with_priors(self, u: Vector) -> Float[np.ndarray, " n"]:
-        """Residuals of all recordings and distances from the priors, without derivatives."""
+        """What :meth:`with_priors` gives, without derivatives."""
         parts = []
         for number, station in enumerate(self.stations):
             values, paths = self._values(number, u), self.paths(number)
             found = evaluate(*moved_as_measured(station.actuator, station.problem, paths, values))
             r = np.concatenate([found[link.output].ravel() for link in station.actuator.links])
-            parts.append(station.whitened(np.where(np.abs(r) < BROKEN, r, np.nan)))
+            parts.append(self.loss.rooted(station.whitened(np.where(np.abs(r) < BROKEN, r, np.nan))))
         return np.concatenate([*parts, self.unknowns.prior_residuals(u)])
 
     def residuals(

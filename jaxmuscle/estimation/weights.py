@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.estimation.coloured_noise import memory
 from jaxmuscle.estimation.dataset import Station
+from jaxmuscle.estimation.losses import SQUARES, Loss
 from jaxmuscle.estimation.objective import Objective
 from jaxmuscle.estimation.residual_analysis import series
 from jaxmuscle.estimation.residuals import evaluate
@@ -156,11 +157,10 @@ class Discrepancy:
     time: float
 
     @classmethod
-    def of(cls, residual: Line, counts: NDArray[np.bool_], size: float | None = None) -> Discrepancy:
-        """From the weighted residuals in time, which of them count, and their size by a loss."""
-        if size is None:
-            size = float(np.sqrt((residual[counts] ** 2).mean())) if counts.any() else 0.0
+    def of(cls, residual: Line, counts: NDArray[np.bool_], loss: Loss = SQUARES) -> Discrepancy:
+        """From the weighted residuals in time, and which of them count; their size is that by a loss."""
         readings = int(counts.sum())
+        size = float(loss.size(residual[counts])) if readings else 0.0
         if size <= 1:
             return cls(readings, size**2, 1.0)
         # At least one of them is independent of the others.
@@ -204,9 +204,8 @@ def with_discrepancy(objective: Objective, u: NDArray[np.float64]) -> Objective:
     """
     factors: dict[int, dict[str, list[float]]] = {}
     for line in series(objective, u):
-        size = float(objective.loss.size(np.where(line.counts, line.residual, np.nan)[:, None], (0,))[0])
         own = factors.setdefault(line.recording, {}).setdefault(line.output, [])
-        own.append(Discrepancy.of(line.residual, line.counts, np.nan_to_num(size, nan=1.0)).factor)
+        own.append(Discrepancy.of(line.residual, line.counts, objective.loss).factor)
     stations = [
         station.reweighted({output: np.array(each) for output, each in factors.get(number, {}).items()})
         for number, station in enumerate(objective.stations)

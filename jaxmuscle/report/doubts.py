@@ -16,6 +16,9 @@ from jaxmuscle.parameter_names import effect_path
 UNDETERMINED = 1.0
 """Standard deviation relative to the value above which a parameter counts as not determined."""
 
+UNEVEN = 3.0
+"""Root mean square error, relative to that of a typical stretch, from which few stretches hold most of it."""
+
 
 def doubts(diagnosis: Diagnosis) -> list[str]:
     """All of them, the weightiest first; empty when there is none."""
@@ -29,6 +32,7 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
             f"About {formatting.rounded(diagnosis.missing_in_noise)} times the sensor noise is still missing "
             f"where the model was fitted."
         )
+    found += _uneven(diagnosis)
     failed = dict.fromkeys(a.name for each in diagnosis.rounds for a in each.ranking if a.failed)
     found += [
         f"{capital(words(name))} could not be tried: with it the model's predictions are not numbers."
@@ -49,6 +53,19 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         for effect in diagnosis.added
     )
     return found + [told for each in of_effects for told in each]
+
+
+def _uneven(diagnosis: Diagnosis) -> list[str]:
+    """A few stretches with errors so large that they bend what squares are fitted to."""
+    rms = max((each.in_noise for each in diagnosis.after["training"].values()), default=0.0)
+    typical = max(diagnosis.typical_error, 1.0)
+    if diagnosis.settings.get("loss") != "squares" or rms < UNEVEN * typical:
+        return []
+    return [
+        f"A few stretches hold most of what is left: the error is {formatting.rounded(rms)} times the sensor "
+        f"noise, of a typical stretch {formatting.rounded(typical)} times. Fits to squares follow these few; "
+        f'where nothing that belongs to the model makes them, diagnose with --loss huber (loss="huber").'
+    ]
 
 
 def _few_stretches(diagnosis: Diagnosis) -> list[str]:

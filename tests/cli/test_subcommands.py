@@ -91,7 +91,9 @@ def test_rows_can_be_ignored_and_held_out(
     run: Run, asked: list[Recording], settings: list[dict[str, Any]]
 ) -> None:
     assert run("diagnose").exit_code == 0
-    assert settings[0] == {"held_out": None, "ignored": None, "further": [], "resume": None}
+    assert settings[0] == {
+        "held_out": None, "ignored": None, "further": [], "loss": "squares", "resume": None
+    }  # fmt: skip
     spans = ("--held-out", "10:", "--ignore", "0.5:1", "--ignore", "2:2.5")
     assert run("diagnose", sample("lift"), *spans).exit_code == 0
     time = asked[1].time

@@ -19,6 +19,7 @@ from jaxmuscle.diagnosis.evidence import (
     signed_ranks,
     telling_excess,
 )
+from jaxmuscle.estimation.losses import LIMIT, Huber
 
 BLOCKS = 160
 JITTER = np.random.default_rng(11).uniform(0.8, 1.2, size=BLOCKS)
@@ -205,6 +206,16 @@ def test_what_a_model_misses_is_counted_where_it_misses():
     assert telling_excess({**residuals, "angle": 0 * wrong}, weights, block) == 0.0
     halves = {"pressure": np.array([1.0, 0.5]), "angle": np.array([0.5])}
     assert telling_excess(residuals, weights, block, halves) == pytest.approx(0.25 * 10 * (9.0 - 1.0))
+
+
+def test_what_is_missed_counts_by_the_loss():
+    """A reading of 9 noise units costs twice 11.2 under Huber's loss; the others leave what noise does."""
+    residuals, weights = {"force": np.ones((1, 10))}, {"force": np.ones((1, 10))}
+    residuals["force"][0, 4] = 9.0
+    costs = 2 * LIMIT * (9.0 - 0.5 * LIMIT) - 1.0
+    found = telling_excess(residuals, weights, blocks(1, 10, 10), None, Huber())
+    assert found == pytest.approx(costs)
+    assert telling_excess(residuals, weights, blocks(1, 10, 10)) == pytest.approx(80.0)
 
 
 def test_readings_without_weight_are_no_part_of_what_is_missed():

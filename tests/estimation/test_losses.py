@@ -48,6 +48,31 @@ def test_the_mean_square_of_normal_residuals_is_one(loss):
 
 
 @pytest.mark.parametrize("loss", [*LOSSES.values(), Biweight()])
+def test_squares_of_rooted_residuals_are_twice_the_losses(loss):
+    """With their slopes, at zero and where nothing is a number, too."""
+    r, h = np.array([-7.0, -1.2, -1e-2, 0.0, 0.3, 1.1, 2.5, np.nan]), 1e-4
+    root = loss.rooted(r)
+    np.testing.assert_allclose(0.5 * root[:-1] ** 2, loss.cost(r[:-1]), rtol=1e-12)
+    np.testing.assert_array_equal(np.sign(root), np.sign(r))
+    assert np.isnan(root[-1])
+    slopes = np.stack([np.ones(8), np.arange(8.0)])
+    slopes[:, -1] = 0.0
+    along = (loss.rooted(r[:-1] + h) - loss.rooted(r[:-1] - h)) / (2 * h)
+    found = loss.rooted_slopes(slopes, r)
+    np.testing.assert_allclose(found[:, :-1], slopes[:, :-1] * along, rtol=1e-5, atol=1e-9)
+    np.testing.assert_array_equal(found[:, -1], 0.0)
+
+
+@pytest.mark.parametrize("loss", [*LOSSES.values(), Biweight()])
+def test_the_cost_of_noise_is_the_mean_over_noise(loss):
+    r = np.random.default_rng(0).normal(size=400_000)
+    sizes = np.array([0.01, 0.5, 1.0, 3.0])
+    found = loss.cost_of_noise(sizes)
+    np.testing.assert_allclose(found, [loss.cost(size * r).mean() for size in sizes], rtol=0.01)
+    assert found[0] == pytest.approx(0.5e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize("loss", [*LOSSES.values(), Biweight()])
 def test_the_size_of_residuals(loss):
     """However large they seemed; beside outliers, where what weighs how much hangs on it, too."""
     rng = np.random.default_rng(0)
