@@ -22,6 +22,7 @@ from jaxmuscle.diagnosis.settled_fit import best_of
 from jaxmuscle.diagnosis.workbench import Workbench, workbench
 from jaxmuscle.effects import BladderStiffness, ForceDrift
 from jaxmuscle.estimation.case import case
+from jaxmuscle.estimation.losses import SQUARES
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.progress import Meter
 
@@ -37,7 +38,9 @@ def needed(factor: float) -> float:
     problem: Any = SimpleNamespace(
         rows=np.zeros(WINDOWS), samples=SAMPLES, period=float(PERIOD), weights=weights
     )
-    bench: Any = SimpleNamespace(residuals=lambda model, problem: {"force": np.full(shape, MISSED)})
+    bench: Any = SimpleNamespace(
+        residuals=lambda model, problem: {"force": np.full(shape, MISSED)}, loss=SQUARES
+    )
     present: Any = SimpleNamespace(model=None, factors={"force": np.array([factor])})
     return _needed(bench, present, problem)
 
