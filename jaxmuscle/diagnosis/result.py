@@ -1,8 +1,9 @@
-"""Result of a diagnosis: as text, in a notebook, as a figure, in a file."""
+"""Result of a diagnosis: as text, in a notebook, as a figure, as a report, in a file."""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -51,6 +52,19 @@ class Diagnosis(DiagnosisData):
         if column is not None and column not in known:
             raise InputError(f"column: {column!r} is not predicted{nearest(column, known)}")
         return diagnosis_figure(self, known if column is None else [column])
+
+    def report(self, folder: str | Path) -> list[Path]:
+        """Write into a folder what `jaxmuscle diagnose` does: ``report.html``, which needs no network,
+        ``result.json`` (SI), and ``card.toml`` with the fitted values and what was found.
+
+        Returns:
+            the files written; all of them are, or none.
+
+        Raises:
+            InputError: the folder cannot be written, or is a file.
+        """
+        # Reports read diagnoses: that package imports this one, and is imported when it is asked for.
+        return importlib.import_module("jaxmuscle.report.report_files").write(self, folder)
 
     def save(self, path: str | Path) -> Path:
         """Write everything as JSON, with every bit of the numbers; :meth:`load` reads it back.

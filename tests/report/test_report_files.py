@@ -33,6 +33,17 @@ def test_three_files(tmp_path: Path) -> None:
     assert (folder / "report.html").read_text(encoding="utf-8") == page(outcome)
 
 
+def test_a_diagnosis_writes_them_itself(tmp_path: Path) -> None:
+    outcome = diagnosis("effects found")
+    files = outcome.report(tmp_path / "own")
+    assert [(p.name, p.read_bytes()) for p in files] == [
+        (p.name, p.read_bytes()) for p in write(outcome, tmp_path / "out")
+    ]
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="is not a folder"):
+        outcome.report(tmp_path / "taken")
+
+
 def test_no_report(tmp_path: Path) -> None:
     write(diagnosis("complete"), tmp_path, report=False)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["card.toml", "result.json"]
