@@ -196,6 +196,6 @@ def loss_named(loss: str | Loss) -> Loss:
     """
     if isinstance(loss, Loss):
         return loss
-    if loss not in LOSSES:
+    if not isinstance(loss, str) or loss not in LOSSES:
         raise InputError(f"loss: unknown {loss!r}{nearest(str(loss), LOSSES)}")
     return LOSSES[loss]

@@ -94,8 +94,9 @@ def test_rows_can_be_ignored_and_held_out(
     assert settings[0] == {
         "held_out": None, "ignored": None, "further": [], "loss": "squares", "resume": None
     }  # fmt: skip
-    spans = ("--held-out", "10:", "--ignore", "0.5:1", "--ignore", "2:2.5")
+    spans = ("--held-out", "10:", "--ignore", "0.5:1", "--ignore", "2:2.5", "--loss", "huber")
     assert run("diagnose", sample("lift"), *spans).exit_code == 0
+    assert settings[1]["loss"] == "huber"
     time = asked[1].time
     assert (settings[1]["held_out"] == (time >= 10)).all()
     between = ((time >= 0.5) & (time <= 1)) | ((time >= 2) & (time <= 2.5))
