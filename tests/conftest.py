@@ -5,12 +5,15 @@ import signal
 from pathlib import Path
 
 import jax
+import psutil
 import pytest
 from jaxtyping import install_import_hook
 
 CHECKED = ("analysis", "components", "hysteresis", "recordings", "report", "signals", "sweeps")
 # Before anything imports them: what their annotations say of arrays holds at every call in a test.
 install_import_hook([f"jaxmuscle.{part}" for part in CHECKED], "array_annotations.check")
+MEMORY = 2e9
+"""That a worker may hold at the end of a file before it forgets what it has compiled [bytes]."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -47,9 +50,10 @@ def package_rigs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def _forget_compiled():
-    """Compiled programs of a file are of no use to the next one, and all of them together take gigabytes."""
+    """Small compiled programs serve the next file, too; all that there are would take tens of gigabytes."""
     yield
-    jax.clear_caches()
+    if psutil.Process().memory_info().rss > MEMORY:
+        jax.clear_caches()
 
 
 @pytest.fixture

@@ -64,6 +64,7 @@ def test_what_a_solution_consists_of_is_seen():
     assert {"lu", "triangular_solve"} <= operations(jax.make_jaxpr(jax.jit(looping))(1.0).jaxpr)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", sorted(set(bench.CARDS) - {"driven"}))
 def test_no_rig_calls_lapack_in_a_batch(rig):
     """Two batches at a time on two cores would wait for ever; each machine differs in all its parameters."""

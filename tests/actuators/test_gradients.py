@@ -138,7 +138,9 @@ def machine(rig):
         return jnp.concatenate([jnp.ravel(out[name]) / RANGES[name] for name in out])
 
     def over_scenes(function):
-        return jax.jit(jax.vmap(function, in_axes=(None, 0)))
+        # What takes time here is compiling, and every program runs only some hundred times.
+        quickly = {"xla_backend_optimization_level": 0}
+        return jax.jit(jax.vmap(function, in_axes=(None, 0)), compiler_options=quickly)
 
     return actuator, paths, scenes, over_scenes(readings), over_scenes(jax.jacfwd(readings))
 

@@ -48,6 +48,7 @@ def test_equals_oracle(name):
     assert bench.deviation(readings["force"], force) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.00637])
 def test_a_delay_between_samples_switches_the_current_where_it_does(delay):
     """The current settles within a sample: it follows the late command, not the mean over the interval."""
@@ -73,6 +74,7 @@ def by_delay(request):
     return jax.jit(readings), jax.jit(jax.vmap(jax.jacfwd(readings)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
 def test_slopes_by_a_delay_are_those_of_one_side(by_delay, delay):
     readings, slopes = by_delay

@@ -92,6 +92,7 @@ def test_is_simulated_as_measured(recording):
         assert np.sqrt(np.mean(off**2)) < 1.5 * NOISE[column], column
 
 
+@pytest.mark.slow
 def test_is_fitted_and_told_in_units(recording, tmp_path):
     fit = jm.fit(jm.actuator(recording.card), recording)
     for name in ("inertia", "drag", "heater_power", "heater_capacity"):

@@ -126,6 +126,7 @@ def test_the_tip_of_the_pipe_lies_over_the_ports_as_its_position_says(tip: float
     assert (np.mean(ports) - jet.mean()) / scale == pytest.approx(tip + 0.099e-3, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["jet-pipe", "jet-pipe-piston"])
 def test_a_run_of_the_jet_pipe_shows_what_no_sensor_does(rig: str) -> None:
     machine = bench.model(rig)

@@ -40,6 +40,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_from_a_reference_to_gains_report_and_commands(run: Run, tmp_path: Path) -> None:
     outcome = run(
         "tune", SWING, "--controller", "pid", "--reference", "wave.csv", "--held-out", "other.csv",

@@ -47,6 +47,7 @@ def waves(samples):
     return bench.AMBIENT + MEAN_PRESSURE + 8e4 * np.sin(clock(samples) * 9)[:, None] * [1.0, -1.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [None, 0.0031])
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_a_controller_that_plays_a_command_is_open_loop(delay, substeps):

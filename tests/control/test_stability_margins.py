@@ -55,6 +55,7 @@ def test_a_controller_that_is_attached_keeps_its_wiring():
     assert margins(fan(), twice, STEP).modulus == pytest.approx(margins(fan(), built(PID, 0.4), STEP).modulus)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.0, 2.7])
 def test_at_the_edge_of_stability_the_margin_is_gone(delay):
     machine = fan().with_effects(command_delay=built(CommandDelay, delay * STEP)) if delay else fan()

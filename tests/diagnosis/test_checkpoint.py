@@ -292,6 +292,7 @@ def alike(first, second, at=""):
     return True
 
 
+@pytest.mark.slow
 def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     place, searched, fits = tmp_path / "lift.json", [], []
     search, fit = candidate_search._search, Workbench.fit

@@ -1,7 +1,7 @@
 """From a recording to the effect that its model lacks, end to end."""
 
 import dataclasses
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from jaxmuscle.diagnosis.evidence import (
     typical_fall,
 )
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
-from jaxmuscle.effects import LoadFriction, PressureDependentEnds
+from jaxmuscle.effects import ChamberLeak, LoadFriction, PressureDependentEnds
 from jaxmuscle.effects.sensors import AbstractSensorLag
 from jaxmuscle.parameters import parameters
 from jaxmuscle.report.doubts import doubts
@@ -167,26 +167,27 @@ def test_a_candidate_without_numbers_is_told_and_hides_no_other():
 
 
 @pytest.mark.slow
-def test_held_out_rows_do_not_influence_the_outcome(lift):
+def test_held_out_rows_do_not_influence_the_outcome():
     recording = jm.read(jm.sample("lift"))
+    tried: Any = {"catalogue": (LoadFriction, ChamberLeak), "constants": False}
+    clean = diagnose(recording, **tried)
     first, rng = round(0.7 * len(recording)), np.random.default_rng(1)
     columns = {name: values.copy() for name, values in recording.columns.items()}
     for name in ("pressure", "position"):
         columns[name][first:] += 0.1 * np.ptp(columns[name]) * rng.normal(size=len(recording) - first)
-    spoilt = diagnose(dataclasses.replace(recording, columns=columns))
-    clean, _ = lift
-    assert [effect.name for effect in spoilt.effects] == [effect.name for effect in clean.effects]
+    spoilt = diagnose(dataclasses.replace(recording, columns=columns), **tried)
+    names = [[effect.name for effect in found.effects] for found in (clean, spoilt)]
+    assert names == [["load_friction"]] * 2
     assert spoilt.after["held_out"]["position"].rmse > 5 * clean.after["held_out"]["position"].rmse
     for name, estimate in clean.parameters.items():
         assert spoilt.parameters[name].value == pytest.approx(estimate.value, rel=1e-9), name
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "effect"), [("08", "bladder_stiffness"), ("12", "muscle_mismatch")])
-def test_practice_recordings(shared, name, effect):
-    """The others are in `benchmarks/diagnosis.py`: 11, on which every effect is tried, takes ten minutes."""
-    diagnosis = diagnose(jm.read(shared / "recordings" / "practice" / f"{name}.csv"))
-    assert diagnosis.effects[0].name == effect
+def test_a_practice_recording(shared):
+    """The other ones are in `benchmarks/diagnosis.py`: some take minutes."""
+    diagnosis = diagnose(jm.read(shared / "recordings" / "practice" / "08.csv"))
+    assert [effect.name for effect in diagnosis.effects] == ["bladder_stiffness"]
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,7 @@ def test_a_signal_within_its_noise_is_still():
     assert is_still(np.full(10, 2.0), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unexplained", [False, True])
 def test_a_diagnosis_of_an_isometric_test_comes_to_its_end(unexplained):
     """It had crashed on the velocity, a variable that is constant."""

@@ -45,6 +45,7 @@ def whole_run() -> jm.Recording:
     return dataclasses.replace(lift, card=dataclasses.replace(lift.card, horizon=None))
 
 
+@pytest.mark.slow
 def test_a_search_of_whole_windows_has_a_part_for_each_fold(whole_run: jm.Recording) -> None:
     """A fold without a part to be judged by stopped the diagnosis of a coil muscle's only run."""
     prepared = case(whole_run, 0.3)

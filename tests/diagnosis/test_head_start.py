@@ -65,6 +65,7 @@ def test_commands_come_earlier_and_none_crosses_a_break():
     np.testing.assert_array_equal(with_earlier_commands(track, 0.0).command, command)
 
 
+@pytest.mark.slow
 def test_only_a_candidate_that_is_read_late_has_one():
     made, problem, late = ready(1, shaken=30.0)
     block = blocks(len(problem.rows), problem.samples, int(problem.period))
@@ -82,6 +83,7 @@ def test_only_a_candidate_that_is_read_late_has_one():
     assert np.all(losses[outputs.index("pressure")] == 0.0)
 
 
+@pytest.mark.slow
 def test_everything_read_later_leaves_what_nothing_read_later_does():
     """Of a right model, without noise; but for the straight line back from where windows begin. Between
     samples, for a command that steps, too.

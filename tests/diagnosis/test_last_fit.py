@@ -71,6 +71,7 @@ def test_a_machine_that_cannot_be_fitted_at_all_is_told(prepared, monkeypatch):
         borne_out(prepared, tools, prepared.training, outcome)
 
 
+@pytest.mark.slow
 def test_an_effect_that_no_machine_has_leaves_its_place(monkeypatch):
     """It is searched again without it: another one that explains some of what is missing is found."""
     ends, bladder = effects.PressureDependentEnds, effects.BladderStiffness

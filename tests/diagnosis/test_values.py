@@ -14,6 +14,7 @@ import jaxmuscle as jm
 from jaxmuscle.diagnosis.last_fit import FIT_STEPS, estimates
 from jaxmuscle.diagnosis.settled_fit import SETTLED
 from jaxmuscle.diagnosis.workbench import workbench
+from jaxmuscle.effects import LoadFriction
 from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
 from jaxmuscle.report.report_files import write
@@ -33,13 +34,12 @@ def refitted(diagnosis, recording, **how):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sample", "effects"), [("lift", ["load_friction"]), ("bench", []), ("swing", [])])
+@pytest.mark.parametrize(("sample", "effects"), [("lift", [LoadFriction]), ("bench", []), ("swing", [])])
 def test_fit_of_the_found_model_gives_the_reported_values(sample, effects):
     """Of the lift with an effect that was found; of the others as declared, which is quicker."""
     recording = jm.read(jm.sample(sample))
-    how: Any = {} if effects else {"catalogue": (), "constants": False}
-    diagnosis = jm.diagnose(recording, **how)
-    assert [e.name for e in diagnosis.effects] == effects
+    diagnosis = jm.diagnose(recording, catalogue=effects, constants=False)
+    assert [e.name for e in diagnosis.effects] == [e.name for e in effects]
     names = list(diagnosis.parameters)
     for free in (names, None):
         off = refitted(diagnosis, recording, free=free)
@@ -103,6 +103,7 @@ def test_other_rigs_keep_the_promise(rig):
     assert max(map(abs, off.values())) < SMALL, off
 
 
+@pytest.mark.slow
 def test_priors_do_not_hold_constants_against_an_error_as_long_as_the_recording():
     """A jet pipe that lacks nothing, two of its constants two standard deviations from the card's values."""
     recorded = _recorded("jet-pipe", bench.jet_pipe_command(), (), {"current": 5e-4, "force": 0.2})

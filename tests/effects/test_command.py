@@ -125,6 +125,7 @@ def limiter(inverse_rate, commands, step):
     return jnp.stack(means), memory[0]
 
 
+@pytest.mark.slow
 def test_the_mean_over_a_step_is_that_of_the_ramp():
     step, rate = 0.01, 60.0
     coarse, end = limiter(1 / rate, jnp.array([2.0, 2.0, 2.0, -1.0]), step)

@@ -125,6 +125,7 @@ def test_a_rig_that_does_not_say_its_limits_is_told_how():
         bristle(effects, {"presliding": memory}, signals)
 
 
+@pytest.mark.slow
 def test_a_lift_on_bristles_has_slopes_over_distance_and_limits():
     command = bench.isotonic_command()[:300]
     machine, track = bench.model("isotonic", **EFFECTS), bench.isotonic_track(command)

@@ -137,6 +137,7 @@ def test_slopes_of_the_slip_equal_differences(distance, momentum):
     np.testing.assert_allclose(slope, jnp.stack(difference), rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_runs_have_slopes_over_the_distance():
     torque = 1.5 * np.sin(2 * np.pi * 3 * np.arange(150) * STEP)
     command = REST + torque[:, None] * UNIT

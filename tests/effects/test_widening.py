@@ -36,6 +36,7 @@ def machine_and_state(rig, effect):
     return bench.model(rig).with_effects(**{effect.name: strong}), state, table[ROW]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rig", "effect"), PAIRS, ids=[f"{rig}-{effect.name}" for rig, effect in PAIRS])
 def test_widening_changes_the_slip(rig, effect):
     actuator, state, command = machine_and_state(rig, effect)

@@ -187,6 +187,7 @@ def test_changes_something_otherwise(rig, effect):
     assert any(np.any(a != b) for a, b in pairs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", bench.BLANKS)
 def test_all_at_zero_strength_change_nothing_when_compiled(rig):
     names = [effect.name for effect in bench.offered(rig)]

@@ -16,6 +16,7 @@ START = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRUE)
 def test_a_lag_and_the_weights_of_plays_are_found(name):
     motion = smooth_motion(6.0)

@@ -154,6 +154,7 @@ def test_each_recording_has_its_own_unless_it_is_shared(creeping):
     assert [found[name].recordings for name in (*own, "start.creep[1]")] == [(0,), (1,), (0, 1)]
 
 
+@pytest.mark.slow
 def test_a_fitted_state_is_taken_by_a_simulation(part):
     """Under the command of the recording it goes on as the window that was fitted does."""
     machine, recording = part

@@ -46,6 +46,7 @@ def test_sizes_grow_by_the_factor():
     assert len(set(sizes)) < 35
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lift", "lift with a break", "driven"])
 def test_residuals_and_their_slopes_are_the_same(kind, lift, driven):
     if kind == "driven":

@@ -33,6 +33,7 @@ def squares(machine, problem, output):
     return float((evaluate(machine, problem)[output][weights > 0] ** 2).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rig", "moved"), [("joint", "angle"), ("isotonic", "position")])
 def test_slow_errors_of_a_pressure_do_not_reach_the_motion(rig, moved):
     measured, _ = problem_of(rig)

@@ -54,6 +54,7 @@ def numbers(fit):
     }
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_same_numbers_and_evaluates_no_point_twice(
     tmp_path, recording, actuator, evaluated, monkeypatch
 ):

@@ -38,6 +38,7 @@ def test_it_ends_at_our_minimum(name, recording, own):
         assert value.std == pytest.approx(own.parameters[parameter].std, rel=0.02)
 
 
+@pytest.mark.slow
 def test_no_simulation_is_compiled_anew_for_it(recording, own, monkeypatch):
     """The programs of our own fit are taken; `_block` runs once for each link that is traced."""
     traced = []

@@ -195,6 +195,7 @@ SOLVERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_solvers_of_optimistix_reach_the_same_minima_within_bounds(name):
     for problem in ("Rosenbrock, bounds", "decay, two active bounds", "decay, bounds on either side"):

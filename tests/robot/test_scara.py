@@ -60,6 +60,7 @@ def test_muscles_turn_their_joints():
     np.testing.assert_array_equal(np.sign(jax.jacfwd(load)(STATE["pressure"])), PULLS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", OFFERED, ids=lambda effect: effect.name)
 def test_effect_of_no_strength_changes_nothing(effect):
     bare = machine(friction=False)

@@ -50,6 +50,7 @@ def command(machine):
     return table if many > 1 else table[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", MACHINES)
 def test_two_halves_are_the_whole(which):
     machine = MACHINES[which]()

@@ -70,6 +70,7 @@ def test_controlled_steps_agree_with_short_ones(machine, exact, method):
     assert tight < loose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "asked",
     [{"substeps": 1}, {"substeps": 4}, {"method": "dormand-prince", "substeps": 2}, {"tolerance": 1e-4}],

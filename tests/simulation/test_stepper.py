@@ -39,6 +39,7 @@ def waves(samples, commands=1):
     return 4 * wave if commands == 1 else 3e5 + 6e4 * wave[:, None] * np.array([1.0, -1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [LIFT, JOINT], ids=["isotonic", "joint"])
 def test_steps_are_those_of_a_simulation(machine):
     commands, times = waves(60, len(machine.commands)), np.arange(60) * STEP

@@ -69,6 +69,7 @@ def test_the_least_effort_of_an_integrator_is_that_of_linear_algebra():
     assert "limit of speed: kept, reached" in str(found)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_finite_differences():
     joint = bench.model("joint", thread_friction=bench.THREADS)
     times = 2e-3 * np.arange(60)

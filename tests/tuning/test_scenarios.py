@@ -69,6 +69,7 @@ def test_a_sample_of_a_fit_has_its_covariance():
     assert sample(fit, 3, seed=1) == sample(fit, 3, seed=1) != sample(fit, 3, seed=2)
 
 
+@pytest.mark.slow
 def test_a_shorter_scenario_costs_what_it_costs_alone():
     short, long = Scenario(UP[:20], TIMES[:20], start=START), Scenario(UP, TIMES, start=START)
     sizes = dict.fromkeys(jm.tuning.TERMS, 1.0)

@@ -183,6 +183,7 @@ def network():
     return Network(eqx.nn.MLP(3, "scalar", 6, 1, activation=jnp.tanh, key=jax.random.key(0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("squares", [True, False], ids=["forward", "reverse"])
 def test_a_network_is_tuned_like_any_other_controller(squares):
     def mean_square(run, reference):

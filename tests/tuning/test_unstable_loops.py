@@ -40,6 +40,7 @@ def test_the_spectral_radius_by_hand():
         assert is_stable(model, built(PID, gain), STEP) == (gain < 1)
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_costs_infinitely_much():
     evaluation = prepared(MACHINE, begun(), UP, SIZES)
     unknowns = evaluation.unknowns
