@@ -143,6 +143,8 @@ class ForwardSelection:
         """Add the best candidate, if unseen windows support it."""
         self.ready()
         effects = self.bench.sought(self.names, much_is_left)
+        if not effects and all(constant.name in self.names for constant in self.bench.constants):
+            return False  # nothing is left but what waits for an effect that was not found
         ranking = rank_with_constants(self.bench, self.model, self.names, effects, self.parts, self.meter)
         if ranking.valley is not None:
             self._refit((self.model, ranking.valley))
