@@ -56,15 +56,23 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
 
 
 def _uneven(diagnosis: Diagnosis) -> list[str]:
-    """A few stretches with errors so large that they bend what squares are fitted to."""
+    """A few stretches with large errors bend fits to squares, and other losses hardly see them."""
     rms = max((each.in_noise for each in diagnosis.after["training"].values()), default=0.0)
     typical = max(diagnosis.typical_error, 1.0)
-    if diagnosis.settings.get("loss") != "squares" or rms < UNEVEN * typical:
+    if rms < UNEVEN * typical:
         return []
-    return [
+    few = (
         f"A few stretches hold most of what is left: the error is {formatting.rounded(rms)} times the sensor "
-        f"noise, of a typical stretch {formatting.rounded(typical)} times. Fits to squares follow these few; "
-        f'where nothing that belongs to the model makes them, diagnose with --loss huber (loss="huber").'
+        f"noise, of a typical stretch {formatting.rounded(typical)} times. "
+    )
+    if diagnosis.settings.get("loss", "squares") == "squares":
+        return [
+            f"{few}Fits to squares follow these few; where nothing that belongs to the model makes them, "
+            f'diagnose with --loss huber (loss="huber").'
+        ]
+    return [
+        f"{few}The loss that was asked for counts these few little, and so does the verdict: an effect that "
+        f"acts only there would not be noticed."
     ]
 
 
