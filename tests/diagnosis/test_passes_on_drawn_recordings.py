@@ -45,9 +45,9 @@ def sought_among(monkeypatch, usual, rarer=()):
     monkeypatch.setattr(module, "reading_effects", lambda rig: ())
 
 
-def first_half(blind):
-    """The recording's first half, where that shows enough: half the time."""
-    return blind.recording.part(0, len(blind.recording) // 2)
+def beginning(blind, share=0.5):
+    """So much of the recording from its first sample on, where that shows enough: it takes less time."""
+    return blind.recording.part(0, round(share * len(blind.recording)))
 
 
 def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatch):
@@ -68,7 +68,7 @@ def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monk
     sought_among(monkeypatch, [ChamberLeak, LengthHysteresis])
     blind = drawn(110209, "isotonic", 2, False)
     assert {*blind.truth} == {"presliding", "chamber_leak"}
-    found = jm.diagnose(first_half(blind), constants=False)
+    found = jm.diagnose(beginning(blind), constants=False)
     assert [effect.name for effect in found.effects] == ["chamber_leak", "presliding"]
     _, bristles = found.effects
     distance = bristles.parameters["distance"]
@@ -81,7 +81,7 @@ def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
     sought_among(monkeypatch, [BladderStiffness, LengthHysteresis, PressureDependentEnds, LoadDamping])
     blind = drawn(9, "joint", 1, False, NAMES)
     assert blind.bristles > 0
-    found = jm.diagnose(blind.recording)
+    found = jm.diagnose(beginning(blind, 0.7))
     assert {effect.name for effect in found.effects} == {"presliding", *blind.truth}
     values = {name: entry.value for name, entry in found.parameters.items()}
     for name in ("end_factor", "inertia", "regulator_frequency"):
@@ -108,7 +108,7 @@ def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(mo
     sought_among(monkeypatch, [ChamberLeak], [SupplyDroop, DeadVolume])
     blind = drawn(110281, "isotonic", 1, False)
     assert {*blind.truth} == {"supply_droop"}
-    found = jm.diagnose(first_half(blind), constants=False)
+    found = jm.diagnose(beginning(blind), constants=False)
     assert [effect.name for effect in found.effects] == ["supply_droop"]
     (droop,) = found.effects
     resistance = droop.parameters["resistance"]
@@ -121,7 +121,7 @@ def test_the_likelier_one_of_two_rivals_is_named(monkeypatch):
     sought_among(monkeypatch, [ChamberLeak], [ValveOffset])
     blind = drawn(122001, "isotonic", 1, False)
     assert {*blind.truth} == {"valve_offset"}
-    found = jm.diagnose(first_half(blind), constants=False)
+    found = jm.diagnose(beginning(blind), constants=False)
     assert [effect.name for effect in found.effects] == ["valve_offset"]
     rival = next(each for each in found.rounds[0].ranking if each.name == "chamber_leak")
     assert rival.judged and not rival.told_apart
@@ -139,7 +139,7 @@ def test_what_the_law_of_a_rough_thread_leaves_is_no_other_effect(seed, most, mo
     sought_among(monkeypatch, [ThreadFriction, LengthHysteresis])
     blind = drawn(seed, "driven", 1, False)
     assert {*blind.truth} == {"thread_friction"} and blind.bristles > 0
-    found = jm.diagnose(first_half(blind), constants=False)
+    found = jm.diagnose(beginning(blind), constants=False)
     first, *further = (effect.name for effect in found.effects)
     assert first == "thread_friction" and {*further} <= {"presliding"}
     assert found.after["held_out"]["force"].in_noise < most < 30 < found.before["held_out"]["force"].in_noise
@@ -150,7 +150,7 @@ def test_play_is_found_though_the_error_that_it_leaves_lasts_and_weighs_little(m
     sought_among(monkeypatch, [LoadDamping], [Backlash])
     blind = drawn(122125, "isotonic", 1, False)
     assert {*blind.truth} == {"backlash"}
-    found = jm.diagnose(blind.recording, constants=False)
+    found = jm.diagnose(beginning(blind, 0.7), constants=False)
     assert [effect.name for effect in found.effects] == ["backlash"]
     (play,) = found.effects
     gap = play.parameters["half_width"]
@@ -163,7 +163,7 @@ def test_play_is_found_though_the_error_that_it_leaves_lasts_and_weighs_little(m
 def test_what_bent_friction_leaves_is_not_said_to_go_with_the_velocity():
     """A joint without its gravity is given more friction than it has, 116 noise units off."""
     blind = drawn(300002, "joint", 1, False, ("gravity",))
-    found = jm.diagnose(first_half(blind), catalogue=[ChamberLeak], constants=False)
+    found = jm.diagnose(beginning(blind), catalogue=[ChamberLeak], constants=False)
     assert found.verdict == "unexplained"
     (left,) = found.unexplained
     assert left.signal == "load" and left.rms_in_noise > 50
