@@ -1,4 +1,4 @@
-"""Fixed-length recordings of Festo 10 mm muscles (Portland State University) for the rig `driven`.
+"""Fixed-length recordings of Festo 10 mm muscles (Portland State University) for the rig `sized-muscles`.
 
 The raw files have their quirks (see SOURCE.txt beside them): the columns of the 257 mm muscle are swapped
 and scaled by each other's calibration, the load cell saturates when the muscle is slack, the pressure
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.signal import medfilt
+from sized_muscles import SizedMuscles
 
 from jaxmuscle.recordings import Card, Recording
 from jaxmuscle.recordings.joining import joined
@@ -91,23 +92,26 @@ class Held:
     slack: NDArray[np.bool_]
 
 
-def held(root: Path, muscles: tuple[str, ...], reference_length: float) -> Held:
-    """All lengths of some muscles, with contractions scaled to a muscle of `reference_length` [m].
+def held(root: Path, muscles: tuple[str, ...]) -> Held:
+    """All lengths of some muscles, each with its own nominal length at rest.
 
-    The static force depends on the contraction ratio only, so muscles of one make and different lengths
-    can stand in one recording.
+    By how much all are longer only muscles of several lengths tell; of one the nominal length is taken.
     """
+    card = Card.read(CARD)
+    assert card.rig == SizedMuscles.rig
+    if len(muscles) == 1:
+        card = card.updated({"excess_length": (0.0, None)})
     parts, muscle, length, phase = [], [], [], []
     for name in muscles:
         for number, samples in _files(root, name):
             time, pressure, force = _binned(samples)
-            ratio = 1 - LENGTHS[name][number] / RESTING[name]
             columns = {
                 "pressure": pressure - PRESSURE_ZERO + AMBIENT,
-                "position": np.full(len(time), ratio * reference_length),
+                "position": np.full(len(time), RESTING[name] - LENGTHS[name][number]),
+                "resting_length": np.full(len(time), RESTING[name]),
                 "force": force,
             }
-            parts.append(_recording(time, columns, reference_length))
+            parts.append(Recording("psu", None, None, card, time, BIN, columns))
             muscle += [name] * len(time)
             length += [number] * len(time)
             phase.append(np.mod(time, PERIOD))
@@ -131,11 +135,6 @@ def size(muscle: str, number: int) -> tuple[float, float]:
     if muscle in LENGTHS_UNKNOWN:
         return LENGTHS_UNKNOWN[muscle], CONTRACTION * number / 4
     return RESTING[muscle], 1 - LENGTHS[muscle][number] / RESTING[muscle]
-
-
-def _recording(time: Series, columns: dict[str, Series], reference_length: float) -> Recording:
-    card = Card.read(CARD).updated({"initial_length": (reference_length, None)})
-    return Recording("psu", None, None, card, time, BIN, columns)
 
 
 def _files(root: Path, muscle: str) -> list[tuple[int, tuple[Series, Series, Series]]]:

@@ -157,12 +157,12 @@ def _linear(inputs: Any, measured: np.ndarray, out: np.ndarray, judged: np.ndarr
 
 def muscle(root: Path) -> dict[str, Any]:
     """Static force of fluidic muscles: two muscles from three others of the same make."""
-    data = psu.held(root / "psu_bpa_isometric", (*static.OTHERS, *static.MUSCLES), psu.RESTING["25"])
+    data = psu.held(root / "psu_bpa_isometric", (*static.OTHERS, *static.MUSCLES))
     out = ~np.isin(data.muscle, static.OTHERS)
     found = jm.diagnose(data.recording, held_out=out, ignored=data.slack)
     before, after = static.settled_errors(found, out & data.settled)
     columns = data.recording.columns
-    inputs = (columns["pressure"] - psu.AMBIENT, columns["position"])
+    inputs = (columns["pressure"] - psu.AMBIENT, columns["position"] / columns["resting_length"])
     box = _linear(inputs, columns["force"], out | data.slack, out & data.settled)
     return {"figure": "static force, two muscles from three others", "before": rms(before),
             "after": rms(after), "black_box": box, "goal": 22.9, "unit": "N",

@@ -28,8 +28,8 @@ PUBLISHED = {"25": (16.8, 62.6, 132.7), "27": (22.9, 73.8, 143.8)}
 """Errors [N] of the makers' law and of two models: Bolen et al. 2026."""
 PROTOCOLS = {"A": "length left out", "B": "other muscles"}
 LENGTH = (
-    "a known difference: force here does not depend on the length of the muscle; the full force of the "
-    "makers' law does, 292 N of a muscle of 83 mm and 419 N of one of 281 mm, both among the fitted ones"
+    "the full force of the makers' law depends on the length of the muscle, 292 N of one of 83 mm and 419 N "
+    "of one of 281 mm; here it does only as far as all are longer at rest than said"
 )
 OTHERS = ("10", "15", "30")
 
@@ -51,7 +51,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
 
 
 def lengths_left_out(root: Any, muscle: str, say: Any) -> dict[str, Any]:
-    data = psu.held(root, (muscle,), psu.RESTING[muscle])
+    data = psu.held(root, (muscle,))
     before, after, folds = [], [], []
     for number in range(4):
         out = data.length == number
@@ -75,7 +75,7 @@ def lengths_left_out(root: Any, muscle: str, say: Any) -> dict[str, Any]:
 
 
 def muscles_left_out(root: Any, say: Any) -> dict[str, dict[str, Any]]:
-    data = psu.held(root, (*OTHERS, *MUSCLES), psu.RESTING["25"])
+    data = psu.held(root, (*OTHERS, *MUSCLES))
     found = diagnose(data.recording, held_out=~np.isin(data.muscle, OTHERS), ignored=data.slack)
     result = {}
     for muscle in MUSCLES:
@@ -90,7 +90,7 @@ def muscles_left_out(root: Any, say: Any) -> dict[str, dict[str, Any]]:
 
 def by_the_makers(root: Any, muscle: str) -> dict[str, float]:
     """Error of the makers' law on the same settled points: pressures as read, and less the sensor's zero."""
-    data = psu.held(root, (muscle,), psu.RESTING[muscle])
+    data = psu.held(root, (muscle,))
     length = np.array(psu.LENGTHS[muscle])[data.length]
     gauge, measured = data.recording.columns["pressure"] - psu.AMBIENT, data.recording.columns["force"]
     return {

@@ -2,9 +2,14 @@
 
 import importlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+
+import jaxmuscle as jm
+from jaxmuscle.actuators import RIGS, Driven
+from jaxmuscle.components import McKibben
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
@@ -12,7 +17,9 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 @pytest.fixture
 def benchmark(monkeypatch):
     monkeypatch.syspath_prepend(BENCHMARKS)
-    return importlib.import_module
+    yield importlib.import_module
+    for name in [name for name, rig in RIGS.items() if rig.__module__ == "sized_muscles"]:
+        del RIGS[name]  # other tests know the rigs of the package
 
 
 def test_the_unseen_run_of_a_drive_counts_against_the_better_of_two_errors(benchmark):
@@ -137,3 +144,27 @@ def test_what_naming_an_effect_is_worth_by_controller(benchmark):
     assert [entry["ok"] for entry in rows] == [False, True, True]
     assert [entry["ours"] for entry in rows] == pytest.approx([1.1, 0.1, 0.5])
     assert rows[0]["effort_over"] == 2.0 and rows[1]["over_rule"] == 0.25
+
+
+def muscle(length: float) -> McKibben:
+    values: Any = (length, 5e-3, 0.42, 1.0)
+    return McKibben(*values)
+
+
+def test_muscles_of_several_lengths_are_each_a_muscle_of_its_length(benchmark, monkeypatch):
+    """Two runs in one recording, held at positions as read; all muscles are 2 mm longer at rest than said."""
+    sized, excess = benchmark("sized_muscles").SizedMuscles, 2e-3
+    monkeypatch.setitem(RIGS, sized.rig, sized)  # also where another test has loaded the module before
+    lengths, positions = np.repeat([0.083, 0.281], 20), np.repeat([5e-3, 2e-2], 20)
+    pressure = 101325.0 + np.tile(np.linspace(1e5, 5e5, 20), 2)
+    columns = {"pressure": pressure, "position": positions, "force": np.zeros(40)}
+    one = sized(muscle=muscle(0.2), excess_length=excess)
+    both = jm.recording(one, {**columns, "resting_length": lengths}, 0.1, breaks=[20])
+    found = np.asarray(jm.simulate(one, both).readings["force"])
+    for rows, length in ((slice(0, 20), 0.083), (slice(20, 40), 0.281)):
+        alone = Driven(muscle=muscle(length + excess))
+        moved = {name: values[rows] for name, values in columns.items()}
+        held = jm.recording(alone, {**moved, "position": moved["position"] + excess}, 0.1)
+        expected = np.asarray(jm.simulate(alone, held).readings["force"])
+        np.testing.assert_allclose(found[rows], expected, rtol=1e-12)
+        assert expected[-1] > 100
