@@ -16,8 +16,8 @@ from jaxmuscle.signals import Signals
 class SizedMuscles(Driven):
     """Rig `driven` whose muscle is as long at rest as a column says, which may differ from run to run.
 
-    What the column says is nominal: all muscles may be longer by the same length, which fittings hold less
-    of than was thought. Then they are shortened by as much where they are held at the nominal length.
+    What the column says is nominal: all muscles may be longer at rest by the same length, where fittings hold
+    less of them than was thought. Held at the nominal length, they are shortened by as much.
     """
 
     rig: ClassVar = "sized-muscles"
