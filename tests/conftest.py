@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import importlib
 import os
 import signal
 from pathlib import Path
@@ -46,6 +47,18 @@ def package_rigs(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for name in [name for name, rig in RIGS.items() if not rig.__module__.startswith("jaxmuscle.")]:
         monkeypatch.delitem(RIGS, name)
+
+
+@pytest.fixture
+def sized_muscles(monkeypatch: pytest.MonkeyPatch):
+    """The rig of the benchmarks for muscles of several lengths, which is registered for one test."""
+    from jaxmuscle.actuators import RIGS
+
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "benchmarks")
+    rig = importlib.import_module("sized_muscles").SizedMuscles
+    RIGS[rig.rig] = rig  # also where another test has loaded the module before
+    yield rig
+    del RIGS[rig.rig]
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -151,14 +151,13 @@ def muscle(length: float) -> McKibben:
     return McKibben(*values)
 
 
-def test_muscles_of_several_lengths_are_each_a_muscle_of_its_length(benchmark, monkeypatch):
+def test_muscles_of_several_lengths_are_each_a_muscle_of_its_length(sized_muscles):
     """Two runs in one recording, held at positions as read; all muscles are 2 mm longer at rest than said."""
-    sized, excess = benchmark("sized_muscles").SizedMuscles, 2e-3
-    monkeypatch.setitem(RIGS, sized.rig, sized)  # also where another test has loaded the module before
+    excess = 2e-3
     lengths, positions = np.repeat([0.083, 0.281], 20), np.repeat([5e-3, 2e-2], 20)
     pressure = 101325.0 + np.tile(np.linspace(1e5, 5e5, 20), 2)
     columns = {"pressure": pressure, "position": positions, "force": np.zeros(40)}
-    one = sized(muscle=muscle(0.2), excess_length=excess)
+    one = sized_muscles(muscle=muscle(0.2), excess_length=excess)
     both = jm.recording(one, {**columns, "resting_length": lengths}, 0.1, breaks=[20])
     found = np.asarray(jm.simulate(one, both).readings["force"])
     for rows, length in ((slice(0, 20), 0.083), (slice(20, 40), 0.281)):

@@ -35,6 +35,7 @@ def test_everything_that_was_made_by_a_sound_bench_is_read(shared) -> None:
     assert all(len(read(file)) >= 200 for file in files)
 
 
+@pytest.mark.usefixtures("sized_muscles")
 def test_the_cards_of_the_benchmarks_are_read(pytestconfig) -> None:
     files = list((pytestconfig.rootpath / "benchmarks" / "cards").glob("*.toml"))
     assert files and all(jm.Card.read(file) for file in files)
