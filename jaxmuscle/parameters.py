@@ -243,6 +243,15 @@ def replace(model: Model, values: Mapping[str, Any]) -> Model:
     )
 
 
+def raised(model: Model, values: Mapping[str, Any]) -> Model:
+    """A copy of `model` with parameters that are larger by the given amounts; itself without any.
+
+    Args:
+        values: path → number or array, in SI.
+    """
+    return replace(model, {path: get(model, path) + by for path, by in values.items()}) if values else model
+
+
 def _whole_leaves(model: eqx.Module, values: Mapping[str, Any]) -> dict[str, Any]:
     """`values` with the entries of each array put together."""
     whole = {path: value for path, value in values.items() if split_index(path)[1] is None}

@@ -63,12 +63,18 @@ class CardConstant:
 
 
 def card_constants(case: Case) -> list[CardConstant]:
-    """The constants of a card that may be wrong: numbers that it gives, whose range is known or positive."""
+    """The constants of a card that may be wrong: numbers that it gives, whose range is known or positive.
+
+    One that differs between joined recordings is as far off in all of them, and in all of them within range.
+    """
     actuator, entries = case.actuator, parameters(case.actuator)
     found = []
     for name, quantity in case.recording.card.quantities.items():
         entry = entries[actuator.quantities[name]]
         ends = _range(name, entry, quantity.value)
+        if ends is not None and name in case.recording.differences:
+            by = case.recording.differences[name]
+            ends = ends[0] - min(0.0, float(by.min())), ends[1] - max(0.0, float(by.max()))
         if name in LAWS or jnp.ndim(entry.value) or ends is None or not ends[0] <= quantity.value <= ends[1]:
             continue
         found.append(CardConstant(name, entry.path, quantity.value, quantity.std, *ends, entry.meaning))

@@ -79,8 +79,9 @@ def diagnose(
     are reported, and confirm what was found, or not.
 
     Args:
-        recording: as :func:`jaxmuscle.read` gives it; or several of one bench, whose cards say the same of
-            the machine. Each is a run of its own.
+        recording: as :func:`jaxmuscle.read` gives it; or several of one bench, each a run of its own, whose
+            cards tell of one machine; values on them may differ (another weight), and each is simulated with
+            its own (:func:`~jaxmuscle.recordings.joining.of_one_bench`).
         held_out: fraction of the recording, of each of several, at its end, kept for reporting; or a mask
             over its rows, those of several one after the other. When `None`, the rows that the card holds
             out, else 0.3.

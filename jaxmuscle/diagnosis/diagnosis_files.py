@@ -141,6 +141,7 @@ def _recording(data: Mapping[str, Any]) -> Recording:
             "columns": _series(data["columns"]),
             "breaks": tuple(data["breaks"]),
             "ignored": {name: np.array(rows, dtype=bool) for name, rows in data.get("ignored", {}).items()},
+            "differences": _series(data.get("differences", {})),
             "held_out": None if held_out is None else np.array(held_out, dtype=bool),
             "joined_from": tuple(
                 Member(**{**each, "file": _path(each["file"])}) for each in data.get("joined_from", ())

@@ -25,6 +25,7 @@ from jaxmuscle.estimation.windows import bucket
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.simulation import Track, held_at, observe
 from jaxmuscle.simulation.sensor_errors import shown_readings, true_track
+from jaxmuscle.simulation.track import machine_at
 
 Series = NDArray[np.float64]
 Slopes = Mapping[str, Float[np.ndarray, "rows k"]]
@@ -122,7 +123,8 @@ def _rates_and_readings(
         state = {**start.state, **track.at(row)}
         held = held_at(model, track, row, start.memory)
         states = {**state.get("effects", {}), **start.memory}
-        return model.vector_field(state, held), sensed(model, model.signals(state, held), states)
+        here = machine_at(model, track, row)
+        return here.vector_field(state, held), sensed(here, here.signals(state, held), states)
 
     rates, readings = jax.vmap(instant)(jnp.arange(samples), hidden)
     readings = shown_readings(model, readings, track, 0)

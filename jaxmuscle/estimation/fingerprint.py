@@ -30,7 +30,9 @@ def origin(recordings: Sequence[Recording], kinds: Sequence[type], settings: obj
     """
     cards = [dataclasses.replace(r.card, description="", file=None, text=None) for r in recordings]
     data = [(r.time, r.step, r.columns, r.breaks) for r in recordings]
-    rows = [(r.ignored, r.held_out, [each.first for each in r.joined_from]) for r in recordings]
+    rows = [
+        (r.ignored, r.held_out, r.differences, [each.first for each in r.joined_from]) for r in recordings
+    ]
     device = jax.local_devices()[0].device_kind
     return {
         "version": ", ".join([jaxmuscle.__version__, jax.__version__, np.__version__, device]),

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.effects.readings import measured_columns
 from jaxmuscle.errors import InputError, nearest
+from jaxmuscle.parameters import raised
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.smoothing import quantisation_step
 
@@ -173,17 +174,23 @@ def beyond_stops(actuator: AbstractActuator, recording: Recording) -> dict[str, 
     stretched a muscle or left its sprocket. No window runs on there: the model would stay at its stop, and
     however right it is elsewhere, the error of that stretch would outweigh all others.
     """
-    found = {}
-    for state, (low, high) in actuator.stops.items():
-        columns = actuator.measured.get(state, ())
-        for column, lowest, highest in zip(
-            columns, *(np.broadcast_to(np.asarray(end), len(columns)) for end in (low, high)), strict=True
-        ):
-            values = recording.columns[column]
-            noise = recording.card.noise.get(column) or noise_beside_gaps(values, ~np.isfinite(values))
-            rows = (values < lowest - BEYOND * noise) | (values > highest + BEYOND * noise)
-            if rows.any():
-                found[column] = rows
+    found: dict[str, Rows] = {}
+    every = np.arange(len(recording))
+    # Between joined recordings, where a length may differ, the ends may too.
+    edges = (0, *(recording.breaks if recording.differences else ()), len(recording))
+    for first, end in itertools.pairwise(edges):
+        by = {actuator.quantities[name]: values[first] for name, values in recording.differences.items()}
+        for state, ends in raised(actuator, by).stops.items():
+            columns = actuator.measured.get(state, ())
+            for column, lowest, highest in zip(
+                columns, *(np.broadcast_to(np.asarray(each), len(columns)) for each in ends), strict=True
+            ):
+                values = recording.columns[column]
+                noise = recording.card.noise.get(column) or noise_beside_gaps(values, ~np.isfinite(values))
+                rows = (values < lowest - BEYOND * noise) | (values > highest + BEYOND * noise)
+                rows &= (every >= first) & (every < end)
+                if rows.any():
+                    found[column] = found.get(column, False) | rows
     return found
 
 

@@ -119,6 +119,7 @@ def longer_track(track: Track, rows: int, breaks: bool) -> Track:
         command=longer(track.command, rows),
         measured={name: longer(values, rows) for name, values in track.measured.items()},
         begins=begins,
+        differences={name: longer(values, rows) for name, values in track.differences.items()},
     )
 
 

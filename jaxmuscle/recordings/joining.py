@@ -12,16 +12,19 @@ from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.card_rows import Rows
 from jaxmuscle.recordings.recording import Member, Recording
 from jaxmuscle.recordings.schema import Quantity
+from jaxmuscle.units import Series
 
-COMMON = ("rig", "known", "uncertain", "effects", "noise", "horizon")
+COMMON = ("rig", "effects", "noise", "horizon")
 """Fields of a card that have to be the same for recordings of one bench."""
+NUMBERS = ("known", "uncertain")
+"""Fields whose values may differ: the same quantities, each with the same standard deviation."""
 
 
 def joined(recordings: Sequence[Recording], name: str) -> Recording:
-    """Runs of one bench under one card, one after the other, as one recording with breaks.
+    """Runs of one bench, one after the other, as one recording with breaks.
 
     It keeps the names of what it was joined from, the rows that their cards want to be ignored or held out,
-    and the card of the first.
+    and the card of the first; by how much values of the other cards are above it stands in `differences`.
 
     Raises:
         ValueError: no recording, or sampling steps that differ by more than 1 %.
@@ -42,7 +45,23 @@ def joined(recordings: Sequence[Recording], name: str) -> Recording:
         held_out=_held_out(recordings),
         joined_from=_members(recordings),
         left_out=" ".join(dict.fromkeys(r.left_out for r in recordings if r.left_out)),
+        differences=_differences(recordings),
     )
+
+
+def _differences(recordings: Sequence[Recording]) -> dict[str, Series]:
+    """Quantity → by how much it is above the first card's, of those that are not the same everywhere."""
+    found = {}
+    for name, first in recordings[0].card.quantities.items():
+        values = [r.card.quantities.get(name, first).value for r in recordings]
+        alike = [first.value if _plain(value) == _plain(first.value) else value for value in values]
+        by = [
+            np.full(len(r), value - first.value) + r.differences.get(name, 0.0)
+            for r, value in zip(recordings, alike, strict=True)
+        ]
+        if any(part.any() for part in by):
+            found[name] = np.concatenate(by)
+    return found
 
 
 def _ignored(recordings: Sequence[Recording]) -> dict[str, Rows]:
@@ -94,16 +113,21 @@ def distinct(names: Sequence[str]) -> list[str]:
 def of_one_bench(recordings: Sequence[Recording]) -> Recording:
     """Several recordings of one bench as one; a single one as it is.
 
+    Values on their cards may differ (another weight on the same machine). What is fitted of such a value, or
+    found wrong with it, is the same amount in all recordings: a scale that shows 0.1 kg too little.
+
     Raises:
-        InputError: none, or recordings whose cards say different things of the machine or whose sampling
-            steps differ by more than 1 %.
+        InputError: none, or recordings whose cards tell of different machines or whose sampling steps differ
+            by more than 1 %.
     """
     if not recordings:
         raise InputError("expected at least one recording; got none")
     first = recordings[0]
     for other in recordings[1:]:
-        for field in COMMON:
+        for field in (*COMMON, *NUMBERS):
             one, two = (getattr(recording.card, field) for recording in (first, other))
+            if field in NUMBERS:
+                one, two = ({name: quantity.std for name, quantity in own.items()} for own in (one, two))
             if _plain(one) != _plain(two):
                 raise InputError(_difference(first.name, other.name, field, one, two))
     names = distinct([recording.name for recording in recordings])
@@ -129,13 +153,18 @@ def _plain(said: object) -> object:
 def _difference(first: str, other: str, field: str, one: object, two: object) -> str:
     """What two cards say differently."""
     if isinstance(one, dict) and isinstance(two, dict):
-        keys = [key for key in dict.fromkeys((*one, *two)) if _plain(one.get(key)) != _plain(two.get(key))]
+        absent = object()
+        keys = [
+            key
+            for key in dict.fromkeys((*one, *two))
+            if _plain(one.get(key, absent)) != _plain(two.get(key, absent))
+        ]
         where = f"[{field}] {', '.join(keys)}"
     else:
         where = f"{field} ({one} and {two})"
     return (
-        f"recordings of one bench: the cards of {first!r} and {other!r} differ in {where}; a diagnosis "
-        f"takes recordings of one machine under one set of values. Diagnose them one by one (jaxmuscle "
-        f"compare puts the outcomes side by side), or fit them together: jaxmuscle fit takes "
-        f"values that differ"
+        f"recordings of one bench: the cards of {first!r} and {other!r} differ in {where}; a diagnosis takes "
+        f"recordings of one machine. Of [known] and [uncertain] the values may differ, not what they name or "
+        f"its std. Diagnose them one by one (jaxmuscle compare puts the outcomes side by side), or fit them "
+        f"together: jaxmuscle fit takes cards that differ"
     )

@@ -15,7 +15,7 @@ from jaxmuscle.notebook_html import Sparkline, Table, View
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.card_rows import Rows
-from jaxmuscle.recordings.schema import Need
+from jaxmuscle.recordings.schema import Need, Quantity
 from jaxmuscle.units import Series
 
 COLUMN_HEADS = ("", "from", "to", "noise", "missing")
@@ -61,6 +61,8 @@ class Recording:
         held_out: rows that no fit of a diagnosis sees, as the card says; `None` where it names none.
         joined_from: the recordings that it was joined from; empty for a single one.
         left_out: which rows were taken and why, a sentence, when they are not all.
+        differences: quantity of the card → by how much its value at a row is above the card's (SI), where
+            recordings under several values were joined.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Recording:
     held_out: Rows | None = dataclasses.field(default=None, repr=False)
     joined_from: tuple[Member, ...] = dataclasses.field(default=(), repr=False)
     left_out: str = ""
+    differences: Mapping[str, Series] = dataclasses.field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         """Hold all columns to one length."""
@@ -102,6 +105,15 @@ class Recording:
         )
         return self.joined_from or (alone,)
 
+    def differing(self, member: Member) -> dict[str, float]:
+        """Values of the card (SI) that are not the same in all members, as they are in one."""
+        given = self.card.quantities
+        return {
+            name: given[name].value + float(by[member.first])
+            for name, by in self.differences.items()
+            if np.ptp(by)
+        }
+
     def part(self, start: int | None, stop: int | None) -> Recording:
         """The samples from `start` up to, not including, `stop`, counted as in a slice."""
         rows = slice(start, stop)
@@ -115,6 +127,7 @@ class Recording:
             breaks=breaks,
             ignored={name: bad[rows] for name, bad in self.ignored.items()},
             held_out=None if self.held_out is None else self.held_out[rows],
+            differences={name: by[rows] for name, by in self.differences.items()},
             joined_from=tuple(
                 _within(member, first, last)
                 for member in self.joined_from
@@ -175,7 +188,7 @@ def _view(recording: Recording) -> View:
         for key, values in recording.columns.items()
     ]
     given = [
-        (words(key), estimate(entry.value, math.nan if entry.std is None else entry.std, units.get(key, "")))
+        (words(key), _given(recording, key, entry, units.get(key, "")))
         for key, entry in (*card.uncertain.items(), *card.known.items())
     ]
     effects = [(words(name), ", ".join(map(words, entries))) for name, entries in card.effects.items()]
@@ -194,6 +207,13 @@ def _view(recording: Recording) -> View:
             Table("effects that the card declares", ("", "parameters"), effects, open=False),
         ],
     )
+
+
+def _given(recording: Recording, key: str, entry: Quantity, unit: str) -> str:
+    """A value of the card, one for each member where these differ."""
+    std = math.nan if entry.std is None else entry.std
+    each = [recording.differing(member).get(key, entry.value) for member in recording.members]
+    return ", ".join(estimate(value, std, unit) for value in dict.fromkeys(each))
 
 
 def _needs(card: Card) -> Mapping[str, Need]:

@@ -78,6 +78,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "errors": tables.errors(diagnosis),
         "effects": tables.effects(diagnosis),
         "parameters": tables.fitted(diagnosis),
+        "differing": tables.differing,
         "unexplained": tables.unexplained(diagnosis),
         "rivals": formatting.listed(rivals) if (rivals := indistinguishable(diagnosis)) else "",
         "untried": any(not other.judged for other in diagnosis.alternatives),

@@ -23,6 +23,7 @@ from jaxmuscle.parameters import parameters
 from jaxmuscle.recordings.card import Card, can_declare
 from jaxmuscle.recordings.card import Estimate as CardEstimate
 from jaxmuscle.report.page import page
+from jaxmuscle.report.tables import differing
 
 
 def result(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -82,6 +83,7 @@ def _members(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "sha256": member.sha256,
             "rows": member.rows,
             **({"left_out": member.left_out} if member.left_out else {}),
+            **({"values": values} if (values := diagnosis.recording.differing(member)) else {}),
             "held_out_rows": int(diagnosis.traces.held_out[rows].sum()),
         }
         for member in diagnosis.recording.joined_from
@@ -160,6 +162,8 @@ def writable_folder(folder: str | Path) -> Path:
 def fitted_card(diagnosis: Diagnosis) -> Card:
     """The recording's card with the fitted values and the added effects; it reads back as a card.
 
+    Of several recordings it is the first one's; what the cards of the others said differently is told.
+
     An added effect of a class of the user's own that is not registered (:func:`jaxmuscle.effects.register`)
     has no name in a card: its values are told in the description.
     """
@@ -188,7 +192,11 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
         elif effect in holds:
             effects.setdefault(effect, {})[name] = _card_estimate(estimate)
     told += [f"{words(effect.name)}: not confirmed" for effect in diagnosis.unconfirmed]
-    return diagnosis.recording.card.updated(values, effects).telling(told)
+    recording = diagnosis.recording
+    told += [
+        f"{text} in {each.name}" for each in recording.members[1:] if (text := differing(recording, each))
+    ]
+    return recording.card.updated(values, effects).telling(told)
 
 
 def _card_estimate(estimate: Estimate) -> CardEstimate:

@@ -12,7 +12,7 @@ from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.diagnosis.verdict import differs_from_none, surprise
 from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.formatting import capital, listed, parameter_words, words
-from jaxmuscle.report.tables import shown_estimate
+from jaxmuscle.report.tables import shown_estimate, where
 
 NO_BETTER = 0.98
 """An error that falls by less than this factor has not fallen."""
@@ -81,7 +81,8 @@ def _constant_phrase(diagnosis: Diagnosis, effect: FoundEffect, declared: float)
     before = dataclasses.replace(estimate, value=declared, std=math.nan)
     article = "an" if name[0] in "aeiou" else "a"
     values = (shown_estimate(card, name, each) for each in (estimate, before))
-    return f"{article} {words(name)} of {' and not '.join(values)} as on the card"
+    place = where(diagnosis.recording, name)
+    return f"{article} {words(name)} of {' and not '.join(values)} as on the card{place and f' ({place})'}"
 
 
 def _found(diagnosis: Diagnosis) -> str:

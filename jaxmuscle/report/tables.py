@@ -7,12 +7,14 @@ import math
 from typing import Any
 
 from jaxmuscle import formatting
+from jaxmuscle.actuators import rig_named
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, FoundEffect, Pattern, Round
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
 from jaxmuscle.recordings.card import Card
-from jaxmuscle.recordings.schema import Quantity
+from jaxmuscle.recordings.recording import Member, Recording
+from jaxmuscle.recordings.schema import Quantity, quantities
 from jaxmuscle.units import from_si, scale
 
 
@@ -124,11 +126,27 @@ def ranking(search: Round) -> list[dict[str, str]]:
 
 def fitted(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """The fitted parameters beside what the card gave for them."""
-    card = diagnosis.recording.card
-    return [_fitted(card, name, estimate) for name, estimate in diagnosis.parameters.items()]
+    return [_fitted(diagnosis.recording, name, estimate) for name, estimate in diagnosis.parameters.items()]
 
 
-def _fitted(card: Card, name: str, estimate: Estimate) -> dict[str, Any]:
+def where(recording: Recording, name: str) -> str:
+    """Of which of several recordings a value is told that differs between them; "" where it does not."""
+    first = recording.members[0]
+    return f"in {first.name}; in the others as far off" if name in recording.differing(first) else ""
+
+
+def differing(recording: Recording, member: Member) -> str:
+    """Values of the card that differ between joined recordings, as they are in one; "" without any."""
+    card, values = recording.card, recording.differing(member)
+    units = {name: need.unit for name, need in quantities(rig_named(card.rig)).items()}
+    return ", ".join(
+        f"{words(name)} {shown_estimate(card, name, Estimate(value, math.nan, units[name], ''))}"
+        for name, value in values.items()
+    )
+
+
+def _fitted(recording: Recording, name: str, estimate: Estimate) -> dict[str, Any]:
+    card = recording.card
     bar = _bar(card, name, estimate)
     return {
         "name": parameter_words(name),
@@ -136,7 +154,7 @@ def _fitted(card: Card, name: str, estimate: Estimate) -> dict[str, Any]:
         "card": shown_prior(card, name, estimate.unit),
         "value": shown_estimate(card, name, estimate),
         "bar": bar,
-        "note": "" if bar is None else bar["note"],
+        "note": "; ".join(filter(None, ("" if bar is None else bar["note"], where(recording, name)))),
     }
 
 

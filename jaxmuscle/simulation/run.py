@@ -27,7 +27,16 @@ from jaxmuscle.simulation.interval import Interval, readings_of
 from jaxmuscle.simulation.sensor_errors import Readings, readings_now, shown_readings, without_sensor_errors
 from jaxmuscle.simulation.solvers import method_for
 from jaxmuscle.simulation.stepping import Plan, advance, begin_course
-from jaxmuscle.simulation.track import Restarts, Start, Track, past_at, reads, start_at_rest, time_at
+from jaxmuscle.simulation.track import (
+    Restarts,
+    Start,
+    Track,
+    machine_at,
+    past_at,
+    reads,
+    start_at_rest,
+    time_at,
+)
 
 Derivatives = Literal["any", "forward", "linearised"]
 """Derivatives that a run is laid out for: in either mode; in forward mode with several tangents, which is
@@ -139,13 +148,14 @@ def run(
             )
         past = past_at(actuator, track, at.row)
         time = time_at(actuator, track, at.row)
-        interval = Interval(actuator, track.step, at.command, past, at.now, at.then, track.widening, time)
+        here = machine_at(actuator, track, at.row)
+        interval = Interval(here, track.step, at.command, past, at.now, at.then, track.widening, time)
         if loop is not None:
             # Until the controller has spoken, the command is still that of the interval before.
             interval, loop = _under(loop, interval, track, at.row)
         state = interval.whole(own, 0.0)
         states = {**state.get("effects", {}), **memory}
-        readings = readings_of(actuator, state, interval.held(memory), states)
+        readings = readings_of(here, state, interval.held(memory), states)
         kept = Start({name: state[name] for name in keep}, memory if keep else {})
         if feedback is not None and loop is not None:
             shown = readings_now(whole, readings, track, at.row)

@@ -104,6 +104,7 @@ def resumed_track(actuator: AbstractActuator, track: Track, state: SimulationSta
         begins=None if begins is None else jnp.concatenate([jnp.zeros(given, bool), begins]),
         begin_time=state.time - given * track.step,
         before=state.before,
+        differences={name: whole(values) for name, values in track.differences.items()},
     ), given
 
 

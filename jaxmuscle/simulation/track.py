@@ -19,7 +19,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.effects.base import States
 from jaxmuscle.effects.chain import initial_states
-from jaxmuscle.parameters import entries_of, split_index
+from jaxmuscle.parameters import entries_of, raised, split_index
 from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.signals import Past
 
@@ -38,6 +38,8 @@ class Track(eqx.Module):
             (:func:`jaxmuscle.simulation.sensor_errors.true_track`).
         begin_time: of row 0, since the simulation began [s]; 0 when `None`.
         before: command before row 0; that under which the machine rests there when `None`.
+        differences: path of a number of the machine → by how much it is larger at a sample than the machine
+            says, where recordings under several values (a mass, a length) were joined.
     """
 
     step: Float[Array, ""]
@@ -48,6 +50,7 @@ class Track(eqx.Module):
     is_true: bool = eqx.field(static=True, default=False)
     begin_time: Float[Array, ""] | None = None
     before: Float[Array, "*muscles"] | None = None
+    differences: dict[str, Float[Array, " samples"]] = eqx.field(default_factory=dict)
 
     def time(self, row: Array) -> Array:
         """Seconds since the simulation began at a row, or at several."""
@@ -89,9 +92,16 @@ class Restarts(eqx.Module):
         return Start({**carried.state, **track.at(row)}, carried.memory)
 
 
+def machine_at(actuator: AbstractActuator, track: Track, row: int | Array) -> AbstractActuator:
+    """The machine as it is at a sample: itself, or with the values that differ between joined recordings."""
+    here = jnp.minimum(row, track.command.shape[0] - 1)
+    return raised(actuator, {path: by[here] for path, by in track.differences.items()})
+
+
 def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0) -> Start:
     """The measured states of a sample, everything else at rest under the command before it."""
     here = jnp.asarray(row)
+    actuator = machine_at(actuator, track, here)
     state, held = actuator.rest(track.at(here)), _held_before(actuator, track, here, {})
     bare = actuator.without_effects(*actuator.effects)
     states, memory = initial_states(actuator.effects, sensing(actuator, bare.signals(state, held)))
@@ -155,7 +165,7 @@ def command_before(actuator: AbstractActuator, track: Track, first: Array | int)
         return jnp.zeros(())
     if track.before is not None and track.begins is None:
         return track.before
-    resting = actuator.resting_command(track.at(jnp.asarray(first)))
+    resting = machine_at(actuator, track, first).resting_command(track.at(jnp.asarray(first)))
     return resting if track.before is None else jnp.where(jnp.asarray(first) == 0, track.before, resting)
 
 
@@ -253,6 +263,8 @@ class Sampled(Protocol):
     def columns(self) -> Columns: ...
     @property
     def breaks(self) -> tuple[int, ...]: ...
+    @property
+    def differences(self) -> Columns: ...
 
 
 class Observed(eqx.Module):
@@ -315,7 +327,14 @@ def observed(
     }
     as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
     begins = jnp.asarray(np.isin(np.arange(samples), recording.breaks)) if recording.breaks else None
-    track = Track(jnp.asarray(step), jnp.asarray(command), as_arrays(measured), begins)
+    differences = {actuator.quantities[name]: by for name, by in recording.differences.items()}
+    track = Track(
+        jnp.asarray(step),
+        jnp.asarray(command),
+        as_arrays(measured),
+        begins,
+        differences=as_arrays(differences),
+    )
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
 
 

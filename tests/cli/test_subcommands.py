@@ -234,9 +234,18 @@ def test_one_card_for_all(run: Run, runs: tuple[Path, Path], asked: list[Recordi
     assert len(asked[0]) == 3500
 
 
-def test_cards_that_say_different_things(run: Run, runs: tuple[Path, Path]) -> None:
+def test_cards_with_another_weight(run: Run, runs: tuple[Path, Path], asked: list[Recording]) -> None:
     card = runs[1].with_suffix(".toml")
     card.write_text(card.read_text(encoding="utf-8").replace("value = 8,", "value = 9,"), encoding="utf-8")
+    assert run("diagnose", *runs).exit_code == 0
+    (whole,) = asked
+    assert [whole.differing(each) for each in whole.members] == [{"mass": 8.0}, {"mass": 9.0}]
+
+
+def test_cards_that_say_different_things(run: Run, runs: tuple[Path, Path]) -> None:
+    card = runs[1].with_suffix(".toml")
+    text = card.read_text(encoding="utf-8")
+    card.write_text(text.replace("value = 8,", "value = 9, std = 0.5,"), encoding="utf-8")
     outcome = run("diagnose", *runs)
     assert outcome.exit_code == 2
     assert "differ in [known] mass" in outcome.stderr and "jaxmuscle fit" in outcome.stderr
