@@ -131,6 +131,7 @@ def test_it_rests_under_the_weight_of_its_own(whole, parts):
         )
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_differences_of_residuals(whole):
     ready = case(whole, 0.0)
     machine, paths = ready.actuator, ("mass", "valve.area")
@@ -225,6 +226,7 @@ def test_two_lengths_are_diagnosed_together(diagnosis, tmp_path):
     assert sentence(again) == sentence(diagnosis)
 
 
+@pytest.mark.slow
 def test_a_fit_of_the_whole_finds_what_both_have():
     short, long = two_lengths({"static_coefficient": 0.02, "kinetic_coefficient": 0.05})
     whole = of_one_bench([short, long])
