@@ -106,12 +106,12 @@ class Recording:
         return self.joined_from or (alone,)
 
     def differing(self, member: Member) -> dict[str, float]:
-        """Values of the card (SI) that are not the same in all members, as they are in one."""
+        """Values (SI) that are not the card's in all members, as they are in one."""
         given = self.card.quantities
         return {
             name: given[name].value + float(by[member.first])
             for name, by in self.differences.items()
-            if np.ptp(by)
+            if by.any()
         }
 
     def part(self, start: int | None, stop: int | None) -> Recording:

@@ -162,7 +162,7 @@ def writable_folder(folder: str | Path) -> Path:
 def fitted_card(diagnosis: Diagnosis) -> Card:
     """The recording's card with the fitted values and the added effects; it reads back as a card.
 
-    Of several recordings it is the first one's; what the cards of the others said differently is told.
+    Of several recordings it is the first one's; values that differ in the others are told.
 
     An added effect of a class of the user's own that is not registered (:func:`jaxmuscle.effects.register`)
     has no name in a card: its values are told in the description.
@@ -193,9 +193,9 @@ def fitted_card(diagnosis: Diagnosis) -> Card:
             effects.setdefault(effect, {})[name] = _card_estimate(estimate)
     told += [f"{words(effect.name)}: not confirmed" for effect in diagnosis.unconfirmed]
     recording = diagnosis.recording
-    told += [
-        f"{text} in {each.name}" for each in recording.members[1:] if (text := differing(recording, each))
-    ]
+    for each in recording.members[1:]:
+        if text := differing(recording, each, diagnosis.model):
+            told.append(f"{text} in {each.name}")
     return recording.card.updated(values, effects).telling(told)
 
 

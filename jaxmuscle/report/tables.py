@@ -8,10 +8,12 @@ from typing import Any
 
 from jaxmuscle import formatting
 from jaxmuscle.actuators import rig_named
+from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.diagnosis.diagnosis_data import Alternative, Estimate, FoundEffect, Pattern, Round
 from jaxmuscle.diagnosis.result import Diagnosis
 from jaxmuscle.diagnosis.shown_column import shown_column
 from jaxmuscle.formatting import listed, meaning, parameter_words, words
+from jaxmuscle.parameters import get
 from jaxmuscle.recordings.card import Card
 from jaxmuscle.recordings.recording import Member, Recording
 from jaxmuscle.recordings.schema import Quantity, quantities
@@ -135,9 +137,17 @@ def where(recording: Recording, name: str) -> str:
     return f"in {first.name}; in the others as far off" if name in recording.differing(first) else ""
 
 
-def differing(recording: Recording, member: Member) -> str:
-    """Values of the card that differ between joined recordings, as they are in one; "" without any."""
+def differing(recording: Recording, member: Member, model: AbstractActuator | None = None) -> str:
+    """Values that differ between joined recordings, as they are in one; "" without any.
+
+    On its card, or as a `model` that was fitted to all has them.
+    """
     card, values = recording.card, recording.differing(member)
+    if model is not None:
+        values = {
+            name: value + float(get(model, name)) - card.quantities[name].value
+            for name, value in values.items()
+        }
     units = {name: need.unit for name, need in quantities(rig_named(card.rig)).items()}
     return ", ".join(
         f"{words(name)} {shown_estimate(card, name, Estimate(value, math.nan, units[name], ''))}"

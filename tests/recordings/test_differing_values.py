@@ -25,6 +25,7 @@ from jaxmuscle.recordings.joining import joined, of_one_bench
 from jaxmuscle.report.page import page
 from jaxmuscle.report.report_files import fitted_card, result
 from jaxmuscle.report.sentence import sentence
+from jaxmuscle.report.tables import differing, where
 from jaxmuscle.simulation.track import command_before, machine_at, observed, start_at_rest
 
 MASSES = (8.0, 3.0, 11.0)
@@ -73,6 +74,8 @@ def test_parts_and_joints_keep_the_differences(whole, parts):
     np.testing.assert_array_equal(
         whole.part(250, 650).differences["mass"], np.repeat([0.0, -5.0, 3.0], [50, 300, 50])
     )
+    second = whole.part(300, 600)
+    assert second.differing(second.members[0]) == {"mass": 3.0}
     behind = joined([parts[1], whole], "all")
     np.testing.assert_array_equal(behind.differences["mass"], np.repeat([0.0, 5.0, 0.0, 8.0], 300))
     assert [behind.differing(member)["mass"] for member in behind.members] == [3.0, *MASSES]
@@ -181,6 +184,15 @@ def test_the_ends_of_a_machine_are_those_of_its_length():
     assert beyond_stops(machine, wide) == {}
     rows = beyond_stops(machine, of_one_bench([wide, narrow]))["angle"]
     np.testing.assert_array_equal(rows, np.repeat([False, True], 200))
+
+
+def test_a_model_is_told_as_it_was_fitted(whole):
+    machine = replace(actuator_from_card(whole.card), {"mass": 8.25})
+    member = whole.members[1]
+    assert differing(whole, member) == "mass 3.000 kg"
+    assert differing(whole, member, machine) == "mass 3.250 kg"
+    assert where(whole, "mass") == "in 8 kg; in the others as far off"
+    assert where(whole, "valve_area") == ""
 
 
 def test_other_differences_are_another_diagnosis(parts):
