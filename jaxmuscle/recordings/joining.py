@@ -114,7 +114,7 @@ def of_one_bench(recordings: Sequence[Recording]) -> Recording:
     """Several recordings of one bench as one; a single one as it is.
 
     Values on their cards may differ (another weight on the same machine). What is fitted of such a value, or
-    found wrong with it, is the same amount in all recordings: a scale that shows 0.1 kg too little.
+    found wrong with it, is one amount for all recordings, as if a scale showed 0.1 kg too little.
 
     Raises:
         InputError: none, or recordings whose cards tell of different machines or whose sampling steps differ
