@@ -20,7 +20,7 @@ from jaxmuscle.estimation.windows import Problem, Windows, cut, problem, share_o
 from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.simulation.track import Observed, observed
+from jaxmuscle.simulation.observed import Observed, observed
 
 
 @dataclasses.dataclass(frozen=True)

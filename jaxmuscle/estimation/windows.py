@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.simulation import Track
-from jaxmuscle.simulation.track import Observed
+from jaxmuscle.simulation.observed import Observed
 
 LONGEST_BATCH = 64
 """Windows at most into which a machine whose inputs are all imposed is cut: no error, only faster."""

@@ -19,6 +19,7 @@ from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.notebook_html import View
 from jaxmuscle.recordings.recording import Recording
+from jaxmuscle.simulation.observed import observed
 from jaxmuscle.simulation.run import run
 from jaxmuscle.simulation.sensor_errors import true_track
 from jaxmuscle.simulation.simulation_state import (
@@ -36,7 +37,6 @@ from jaxmuscle.simulation.track import (
     commanded_track,
     hidden_start,
     is_measured,
-    observed,
     sampling_step,
     start_at_rest,
     with_states,

@@ -1,26 +1,21 @@
-"""Track of a run: commands and measured states over time, of a command of one's own or of a recording
-(smoothed, with their uncertainty), and the initial states with which a run begins.
-"""
+"""Track of a run: commands and measured states over time, and the initial states with which a run begins."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Protocol, runtime_checkable
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
-from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensing
 from jaxmuscle.effects.base import States
 from jaxmuscle.effects.chain import initial_states
 from jaxmuscle.parameters import entries_of, raised, split_index
-from jaxmuscle.recordings.smoothing import noise_level, smooth
 from jaxmuscle.signals import Past
 
 
@@ -245,118 +240,3 @@ def hidden_start(
         if value.shape not in ((), known[name]):
             raise ValueError(f"start of {name}: expected the shape {known[name]}; got {value.shape}")
     return {name: jnp.broadcast_to(value, known[name]) for name, value in values.items()}
-
-
-Columns = Mapping[str, NDArray[np.float64]]
-
-ENOUGH = 50
-"""Samples from which the noise of a stretch can be told."""
-
-
-@runtime_checkable
-class Sampled(Protocol):
-    """What is needed of a recording."""
-
-    @property
-    def step(self) -> float: ...
-    @property
-    def columns(self) -> Columns: ...
-    @property
-    def breaks(self) -> tuple[int, ...]: ...
-    @property
-    def differences(self) -> Columns: ...
-
-
-class Observed(eqx.Module):
-    """A recording prepared for a machine.
-
-    Attributes:
-        track: commands and smoothed measured states.
-        spread: standard deviation of each smoothed state, sample by sample.
-        outputs: reading → raw measured values.
-        noise: reading → standard deviation of its sensor.
-    """
-
-    track: Track
-    spread: dict[str, Float[Array, "samples ..."]]
-    outputs: dict[str, Float[Array, "samples ..."]]
-    noise: dict[str, Float[Array, "..."]]
-
-    @property
-    def samples(self) -> int:
-        """Number of samples."""
-        return self.track.command.shape[0]
-
-
-def observed(
-    actuator: AbstractActuator,
-    recording: Sampled,
-    noise: Mapping[str, float],
-    cuts: tuple[int, ...] = (),
-    twice: bool = False,
-) -> Observed:
-    """Prepare `recording` for `actuator`.
-
-    Args:
-        noise: column → standard deviation of its sensor (SI); a column without one gets the level that
-            :func:`noise_level` finds in the data.
-        cuts: further rows, besides the recording's breaks, across which nothing is smoothed.
-        twice: smooth signals twice, which leaves their peaks, see :func:`smooth`.
-    """
-    columns, step = recording.columns, recording.step
-    samples = len(next(iter(columns.values())))
-    edges = sorted({0, *recording.breaks, *cuts, samples})
-
-    def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
-        stretches = [columns[column][a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        parts = [smooth(values, step, _level(values, stretches), derivative, twice) for values in stretches]
-        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-
-    measured, spread = {}, {}
-    for state, names in actuator.measured.items():
-        measured[state], spread[state] = _pair(names, lambda name: smoothed(name, 0))
-    for state, base in actuator.derivatives.items():
-        measured[state], spread[state] = _pair(actuator.measured[base], lambda name: smoothed(name, 1))
-    command = (
-        _stack(actuator.commands, lambda name: columns[name]) if actuator.commands else np.zeros(samples)
-    )
-    outputs = {out: _stack(names, lambda n: columns[n]) for out, names in actuator.outputs.items()}
-    levels = {
-        out: _stack(names, lambda n: np.asarray(noise.get(n) or _longest_level(columns[n], edges)))
-        for out, names in actuator.outputs.items()
-    }
-    as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
-    begins = jnp.asarray(np.isin(np.arange(samples), recording.breaks)) if recording.breaks else None
-    differences = {actuator.quantities[name]: by for name, by in recording.differences.items()}
-    track = Track(
-        jnp.asarray(step),
-        jnp.asarray(command),
-        as_arrays(measured),
-        begins,
-        differences=as_arrays(differences),
-    )
-    return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
-
-
-def _level(values: NDArray, stretches: list[NDArray]) -> float:
-    """Noise of one stretch by its own samples, so that none learns of another; or the longest's."""
-    enough = len(values) >= ENOUGH
-    return noise_level(values if enough else max(stretches, key=len))
-
-
-def _longest_level(values: NDArray, edges: list[int]) -> float:
-    """Noise of the longest stretch: the held-out rows, which are fewer, have no say in a weight."""
-    return noise_level(max((values[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)), key=len))
-
-
-def _stack(names: tuple[str, ...], of: Callable[[str], NDArray]) -> NDArray:
-    """One column as it is, several side by side."""
-    parts = [of(name) for name in names]
-    return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
-
-
-def _pair(names: tuple[str, ...], of: Callable[[str], tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArray]:
-    pairs = [of(name) for name in names]
-    if len(pairs) == 1:
-        return pairs[0]
-    return np.stack([p[0] for p in pairs], axis=-1), np.stack([p[1] for p in pairs], axis=-1)

@@ -16,8 +16,9 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameter_names import COMMAND
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.simulation import Track, run, start_at_rest
+from jaxmuscle.simulation.observed import observed
 from jaxmuscle.simulation.sensor_errors import true_track
-from jaxmuscle.simulation.track import commanded_track, observed, sampling_step
+from jaxmuscle.simulation.track import commanded_track, sampling_step
 from jaxmuscle.sweeps.commands import Sine, command_of
 
 

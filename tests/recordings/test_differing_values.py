@@ -26,7 +26,8 @@ from jaxmuscle.report.page import page
 from jaxmuscle.report.report_files import fitted_card, result
 from jaxmuscle.report.sentence import sentence
 from jaxmuscle.report.tables import differing, where
-from jaxmuscle.simulation.track import command_before, machine_at, observed, start_at_rest
+from jaxmuscle.simulation.observed import observed
+from jaxmuscle.simulation.track import command_before, machine_at, start_at_rest
 
 MASSES = (8.0, 3.0, 11.0)
 LENGTHS = (bench.CARDS["driven"]["initial_length"], 0.24)

@@ -9,7 +9,7 @@ from oracles.recorded import NOISE, STEP, driven_card, driven_recording, smooth_
 
 from jaxmuscle.recordings import actuator_from_card, read
 from jaxmuscle.samples import sample
-from jaxmuscle.simulation.track import observed
+from jaxmuscle.simulation.observed import observed
 
 BREAKS = (140, 300)
 LINES = ((0.02, 0.001), (0.05, -0.004), (0.01, 0.007))
