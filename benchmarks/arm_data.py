@@ -17,13 +17,14 @@ import jaxmuscle as jm
 from jaxmuscle.actuators import AbstractActuator
 from jaxmuscle.estimation.case import case
 from jaxmuscle.estimation.residuals import hidden_states
+from jaxmuscle.recordings.smoothing import noise_level, rate_from_past
 from jaxmuscle.simulation import Start, Track, predict
 from jaxmuscle.simulation.track import start_at_rest
 
 Array = NDArray[np.float64]
 
 STEP, AHEAD, PAST = 0.01, 10, 4
-"""Sampling step [s]; samples ahead; samples up to now that tell the velocity."""
+"""Sampling step [s]; samples ahead; samples that an episode has before the first instant."""
 AMBIENT, FULL = 101325.0, 3e5
 """Normalised pressures from 0 to 1 are taken as 0 to 3 bar gauge [Pa]; the muscles' sizes take the rest."""
 EVERY = 4
@@ -62,12 +63,14 @@ class Arm:
 
 @dataclasses.dataclass(frozen=True)
 class Instants:
-    """Moments with what is known then: the last angles (newest first), pressures from now on; the truth.
+    """Moments with what is known then: the last angles (newest first) and what they tell of the velocity,
+    pressures from now on; the truth.
 
     `place`: the row of each moment in a recording of the `episodes`.
     """
 
     past: Array
+    velocity: Array
     pressure: Array
     before: Array
     then: Array
@@ -101,11 +104,13 @@ def recording(
     machine: AbstractActuator,
     noise: float = 0.02,
     horizon: float = (AHEAD + 1) * STEP,
+    state_from: str = "past",
 ) -> jm.Recording:
     """Episodes of one joint, one after the other, to be predicted over a `horizon` [s].
 
     Args:
         noise: standard deviation of the angle [rad].
+        state_from: samples that tell the velocity with which a window begins; a prediction knows the past.
     """
     parts = [np.arange(arm.first[e], arm.last[e] + 1) for e in episodes]
     breaks = np.cumsum([len(part) for part in parts])[:-1].tolist()
@@ -113,7 +118,14 @@ def recording(
     columns = {"angle": arm.angle[rows, joint]}
     columns |= {f"pressure_{i + 1}": arm.pressure[rows, 2 * joint + i] for i in (0, 1)}
     return jm.recording(
-        machine, columns, STEP, noise={"angle": noise}, horizon=horizon, breaks=breaks, stretch="all"
+        machine,
+        columns,
+        STEP,
+        noise={"angle": noise},
+        horizon=horizon,
+        state_from=state_from,
+        breaks=breaks,
+        stretch="all",
     )
 
 
@@ -126,8 +138,11 @@ def instants(arm: Arm, joint: int, episodes: Iterable[int]) -> Instants:
     rows = np.concatenate([arm.first[e] + span for e, span in zip(episodes, spans, strict=True)])[::EVERY]
     angle = arm.angle[:, joint]
     pressure = arm.pressure[:, [2 * joint, 2 * joint + 1]]
+    runs = [angle[arm.first[e] : arm.last[e] + 1] for e in episodes]
+    velocity = np.concatenate([rate_from_past(run, STEP, noise_level(run))[0] for run in runs])
     return Instants(
         angle[rows[:, None] - np.arange(PAST)],
+        velocity[place],
         pressure[rows[:, None] + np.arange(AHEAD + 1)],
         pressure[rows - 1],
         angle[rows + AHEAD],
@@ -166,10 +181,8 @@ def ahead(
         fade: pressures go on as they last did, ever more slowly with this time constant [s]; 0: they stay as
             they are now; `None`: those that were measured afterwards.
     """
-    times = -STEP * np.arange(PAST)
-    slope = np.linalg.pinv(np.vander(times, 3, increasing=True))[1]
     pressure = at.pressure if fade is None else _continued(at, fade)
-    return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.past @ slope, hidden))
+    return np.asarray(_ahead(machine, jnp.asarray(pressure), at.now, at.velocity, hidden))
 
 
 def _continued(at: Instants, fade: float) -> Array:

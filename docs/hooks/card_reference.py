@@ -33,7 +33,8 @@ SAID = {
     "noise": "standard deviation of a sensor, by its column; found in the data where it is not given: "
     '`{ value = 0.03, unit = "mm" }`',
     "fit": '`horizon = { value = 1, unit = "s" }`: length of the windows of prediction, each from the '
-    "measured state; whole runs when it is not given",
+    'measured state; whole runs when it is not given. `state_from = "past"`: each from the state as samples '
+    "up to then tell it, and not those after it, too: for models that are to predict, as a controller's do",
     "ignore": "rows whose readings count for nothing, by names of your own, in times of the table's clock: "
     '`slack = { from = 12, to = 14.5, unit = "s" }`; with `column = "pressure"` of that reading only',
     "held_out": 'rows that no fit of a diagnosis sees: `last_run = { from = 40, unit = "s" }`',

@@ -267,6 +267,7 @@ def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
     from jaxmuscle.actuators import rig_named
     from jaxmuscle.formatting import words
     from jaxmuscle.recordings import schema
+    from jaxmuscle.recordings.card_sections import PAST
     from jaxmuscle.recordings.schema import written_quantity
     from jaxmuscle.recordings.typical import default_in_card, meaning_in_card
 
@@ -290,6 +291,7 @@ def _print_quantities(card: Any, show: Callable[[Table], None]) -> None:
     told += [f"effect {name}" for name in card.effects]
     told += [f"noise of {name}" for name in card.noise]
     told += [] if card.horizon is None else [f"horizon {card.horizon:g} s"]
+    told += ["windows that begin with what the past tells"] if card.state_from == PAST else []
     told += [f"{words(section)} {', '.join(spans)}" for section, spans in card.row_spans.items() if spans]
     if told:
         typer.echo(f"\nThe card also gives: {', '.join(told)}.")

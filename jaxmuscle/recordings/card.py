@@ -20,7 +20,7 @@ from jaxmuscle.files import existing_file, file_content
 from jaxmuscle.parameter_names import effect_path, resolve, spelled
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card_rows import BREAKS, HELD_OUT, IGNORE, RowSpan, written_row_span
-from jaxmuscle.recordings.card_sections import read_sections
+from jaxmuscle.recordings.card_sections import BOTH, read_sections
 from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.schema import (
     AMBIENT,
@@ -50,6 +50,8 @@ class Card:
         effects: name of an effect that the experimenter declares → parameter → value.
         noise: measured quantity → standard deviation of its sensor [SI].
         horizon: length of the windows of prediction [s], `None` for whole runs.
+        state_from: by which samples the state is told from which a window begins: those of ``"both"`` sides,
+            or of the ``"past"`` alone, which is what a controller knows that predicts.
         ignore: name of the user's → rows whose readings count for nothing (a slack muscle, a saturated
             sensor).
         held_out: name → rows that no fit of a diagnosis sees.
@@ -68,6 +70,7 @@ class Card:
     effects: dict[str, dict[str, Quantity]] = dataclasses.field(default_factory=dict)
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
     horizon: float | None = None
+    state_from: str = BOTH
     ignore: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
     held_out: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
     breaks: dict[str, RowSpan] = dataclasses.field(default_factory=dict)
@@ -211,6 +214,8 @@ class Card:
         }
         if self.horizon is not None:
             sections["fit"] = {"horizon": {"value": self.horizon, "unit": "s"}}
+        if self.state_from != BOTH:
+            sections["fit"] = {**sections.get("fit", {}), "state_from": self.state_from}
         for name, parameters in self.effects.items():
             own = schema.effect_parameters(rig.effect_named(name), rig)
             sections[f"effects.{name}"] = written(parameters, own)

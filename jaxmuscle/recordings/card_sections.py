@@ -31,6 +31,8 @@ HEADS = ("rig", "description")
 SECTIONS = ("columns", *PARTS, "known", "uncertain", "effects", "noise", "fit", IGNORE, HELD_OUT, BREAKS)
 NAME = re.compile(r"[A-Za-z0-9_-]+")
 """Keys of a card that are the user's own names."""
+BOTH, PAST = STATES_FROM = ("both", "past")
+"""By which samples a state with which a window begins is told: those of both sides, or those up to then."""
 SUPPLY = "supply_pressure"
 """The quantity above which no pressure of a machine can rise for long."""
 
@@ -60,6 +62,7 @@ def read_sections(mapping: Mapping[str, Any], file: str) -> dict[str, Any]:
         "effects": _effects(sections["effects"], rig, problems),
         "noise": _noise(sections["noise"], rig, problems),
         "horizon": _horizon(sections["fit"], problems),
+        "state_from": _state_from(sections["fit"], problems),
         **{name: _row_spans(name, sections[name], rig, problems) for name in (IGNORE, HELD_OUT, BREAKS)},
     }
     problems.check()
@@ -252,12 +255,32 @@ def _noise(section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str
 
 
 def _horizon(section: Mapping[str, Any], problems: Problems) -> float | None:
-    _unknown(section, ("horizon",), "[fit]", problems)
+    _unknown(section, ("horizon", "state_from"), "[fit]", problems)
     if "horizon" in section:
         with problems.at("[fit] horizon"):
             need = Need("s", "length of the windows of prediction", positive=True)
             return read_quantity(section["horizon"], need, 0.0, keys=("value", "unit")).value
     return None
+
+
+def _state_from(section: Mapping[str, Any], problems: Problems) -> str:
+    with problems.at("[fit]"):
+        return check_state_from(section.get("state_from", BOTH))
+    return BOTH
+
+
+def check_state_from(given: object) -> str:
+    """`given`, if it is one of :data:`STATES_FROM`.
+
+    Raises:
+        InputError: it is not.
+    """
+    if isinstance(given, str) and given in STATES_FROM:
+        return given
+    raise InputError(
+        f'state_from: expected "{PAST}", for windows that begin with the state as samples before it tell, '
+        f'or "{BOTH}", as samples of both sides do; got {given!r}'
+    )
 
 
 def _row_spans(name: str, section: Mapping[str, Any], rig: Rig, problems: Problems) -> dict[str, RowSpan]:

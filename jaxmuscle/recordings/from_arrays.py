@@ -18,6 +18,7 @@ from jaxmuscle.parameter_names import EFFECTS, resolve, spelled
 from jaxmuscle.parameters import get, known_names
 from jaxmuscle.recordings import schema
 from jaxmuscle.recordings.card import Card
+from jaxmuscle.recordings.card_sections import BOTH, check_state_from
 from jaxmuscle.recordings.data_sheets import sheet_quantities
 from jaxmuscle.recordings.plausibility import check_machine
 from jaxmuscle.recordings.recording import Recording
@@ -35,6 +36,7 @@ def recording(
     *,
     noise: Mapping[str, float] | None = None,
     horizon: float | None = None,
+    state_from: str = BOTH,
     breaks: Sequence[int] = (),
     name: str = "recording",
     uncertain: Mapping[str, float] | None = None,
@@ -57,6 +59,8 @@ def recording(
         step: sampling step [s].
         noise: column → standard deviation of its sensor (SI); found in the data where not given.
         horizon: length of the windows of prediction [s]; whole runs when `None`.
+        state_from: ``"past"`` where windows shall begin with the state that samples up to then tell, as of
+            :class:`~jaxmuscle.recordings.card.Card`.
         breaks: rows at which a new run begins, with everything that is not measured at rest.
         name: what results call it.
         uncertain: quantity of the card, by any of its names → standard deviation of what is known of it (SI).
@@ -67,9 +71,9 @@ def recording(
             :func:`jaxmuscle.recordings.data_sheet` gives those of the data sheet.
 
     Raises:
-        InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon or break
-            that cannot be; samples that cannot be of this machine (a reversed sign, a wrong unit); a type
-            that has no data sheet, or whose part the machine does not have.
+        InputError: columns that are missing, unknown or of unequal length; a step, noise, horizon,
+            `state_from` or break that cannot be; samples that cannot be of this machine (a reversed sign, a
+            wrong unit); a type that has no data sheet, or whose part the machine does not have.
     """
     rig = type(actuator)
     needs = {key: need for key, need in schema.columns(rig).items() if key != "time"}
@@ -79,6 +83,7 @@ def recording(
     _check_numbers(rows, step, noise or {}, horizon, breaks)
     parts = {part: kind for part, kind in (("muscle", muscle), ("valve", valve)) if kind is not None}
     card = _card(actuator, needs, dict(noise or {}), horizon, parts)
+    card = dataclasses.replace(card, state_from=check_state_from(state_from))
     unsure = {**_unsure_by_data_sheet(rig, parts), **_deviations(actuator, uncertain or {})}
     card = _unsure_of(card, unsure)
     if all(np.isfinite(values).any() for values in arrays.values()):

@@ -14,7 +14,7 @@ from jaxmuscle.recordings.recording import Member, Recording
 from jaxmuscle.recordings.schema import Quantity
 from jaxmuscle.units import Series
 
-COMMON = ("rig", "effects", "noise", "horizon")
+COMMON = ("rig", "effects", "noise", "horizon", "state_from")
 """Fields of a card that have to be the same for recordings of one bench."""
 NUMBERS = ("known", "uncertain")
 """Fields whose values may differ: the same quantities, each with the same standard deviation."""

@@ -10,6 +10,12 @@ ORDER = 3
 WINDOWS = (7, 11, 15, 21, 31, 45, 65, 91, 131)
 CONFIDENCE = 2.5
 """Half-width of the confidence intervals in standard deviations."""
+PAST_ORDER, PAST_WINDOWS, PAST_CONFIDENCE = 2, (4, 6, 9, 13, 19, 28, 40, 57, 81, 115), 1.7
+"""The same for :func:`rate_from_past`. A cubic would leave twice the noise at its last sample.
+
+Half-widths of 0.5 to 2.5 were tried on sines of 4 and 20 rad/s and on filtered steps, at 100 Hz with noise of
+0.0001 to 0.01.
+"""
 
 LEVELS = 32
 """Fewest values that make a signal a quantised one."""
@@ -104,3 +110,36 @@ def _widest(values: Series, step: float, noise: float, derivative: int) -> tuple
         agreeing &= (lower <= upper) | (window == WINDOWS[0])
         chosen[agreeing], widths[agreeing] = estimate[agreeing], window
     return chosen, widths
+
+
+def rate_from_past(values: Series, step: float, noise: float) -> tuple[Series, Series]:
+    """Rate of a signal at every sample as the samples up to then tell it: what one knows who predicts.
+
+    As of :func:`smooth`, by parabolas that end at the sample: the widest window whose estimate still agrees
+    with those of all narrower ones. It lags where a motion changes, and has several times the error of a rate
+    that is told from both sides.
+
+    Args:
+        values: samples at a constant `step` [s].
+        noise: standard deviation of the noise on `values`.
+
+    Returns:
+        the rate and its standard deviation, both at every sample: where fewer samples came before than the
+        narrowest window holds, from the last two (the first sample has the rate of the second).
+    """
+    count = len(values)
+    if count < 2:
+        return np.zeros(count), np.full(count, noise / step)
+    rate: Series = np.diff(values, prepend=2 * values[0] - values[1]) / step
+    spread: Series = np.full(count, noise * np.sqrt(2.0) / step)
+    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
+    agreeing = np.ones(count, dtype=bool)
+    for window in (w for w in PAST_WINDOWS if w <= count):
+        kernel = savgol_coeffs(window, PAST_ORDER, deriv=1, delta=step, pos=window - 1, use="dot")
+        found, deviation = np.full(count, np.nan), noise * float(np.sqrt((kernel**2).sum()))
+        found[window - 1 :] = np.convolve(values, kernel[::-1], "valid")
+        lower = np.fmax(lower, found - PAST_CONFIDENCE * deviation)
+        upper = np.fmin(upper, found + PAST_CONFIDENCE * deviation)
+        agreeing &= np.isfinite(found) & ((lower <= upper) | (window == PAST_WINDOWS[0]))
+        rate[agreeing], spread[agreeing] = found[agreeing], deviation
+    return rate, spread

@@ -53,6 +53,7 @@ def result(diagnosis: Diagnosis) -> dict[str, Any]:
             "after": _errors(diagnosis.after),
             "noise": dict(diagnosis.noise),
             "horizon": diagnosis.horizon,
+            "state_from": recording.card.state_from,
             "held_out_fraction": diagnosis.held_out_fraction,
             "unexplained": [
                 {"signal": left.signal, "share": left.share, "depends_on": list(left.depends_on)}

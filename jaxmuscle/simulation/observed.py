@@ -12,10 +12,12 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
-from jaxmuscle.recordings.smoothing import noise_level, smooth
+from jaxmuscle.recordings.smoothing import noise_level, rate_from_past, smooth
 from jaxmuscle.simulation.track import Track
 
 Columns = Mapping[str, NDArray[np.float64]]
+Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Values and their standard deviations, sample by sample."""
 
 ENOUGH = 50
 """Samples from which the noise of a stretch can be told."""
@@ -71,14 +73,13 @@ def observed(
         cuts: further rows, besides the recording's breaks, across which nothing is smoothed.
         twice: smooth signals twice, which leaves their peaks, see :func:`smooth`.
     """
-    columns, step = recording.columns, recording.step
-    samples = len(next(iter(columns.values())))
-    edges = sorted({0, *recording.breaks, *cuts, samples})
+    columns, step, edges = recording.columns, recording.step, _edges(recording, cuts)
+    samples = edges[-1]
 
-    def smoothed(column: str, derivative: int) -> tuple[NDArray, NDArray]:
-        stretches = [columns[column][a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        parts = [smooth(values, step, _level(values, stretches), derivative, twice) for values in stretches]
-        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    def smoothed(column: str, derivative: int) -> Pair:
+        return _by_stretches(
+            columns[column], edges, lambda values, noise: smooth(values, step, noise, derivative, twice)
+        )
 
     measured, spread = {}, {}
     for state, names in actuator.measured.items():
@@ -106,6 +107,50 @@ def observed(
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
 
 
+def as_known_then(
+    prepared: Observed, actuator: AbstractActuator, recording: Sampled, cuts: tuple[int, ...] = ()
+) -> Observed:
+    """`prepared` with states as they are known at each sample by samples up to then.
+
+    A measured state is its reading, with the noise found in it; its rate that of
+    :func:`~jaxmuscle.recordings.smoothing.rate_from_past`. States that the bench imposes stay smoothed from
+    both sides: a prediction is told them.
+
+    Args:
+        recording, cuts: as of :func:`observed`.
+    """
+    columns, step, edges = recording.columns, recording.step, _edges(recording, cuts)
+
+    def read(values: NDArray, noise: float) -> Pair:
+        return values, np.full(len(values), noise)
+
+    def rate(values: NDArray, noise: float) -> Pair:
+        return rate_from_past(values, step, noise)
+
+    measured, spread = dict(prepared.track.measured), dict(prepared.spread)
+    bases = {**{state: state for state in actuator.measured}, **actuator.derivatives}
+    for state in (name for name in bases if name not in actuator.imposed):
+        known = rate if state in actuator.derivatives else read
+        names = actuator.measured[bases[state]]
+        found = {name: _by_stretches(columns[name], edges, known) for name in names}
+        values, deviations = _pair(names, found.__getitem__)
+        measured[state], spread[state] = jnp.asarray(values), jnp.asarray(deviations)
+    return eqx.tree_at(lambda p: (p.track.measured, p.spread), prepared, (measured, spread))
+
+
+def _edges(recording: Sampled, cuts: tuple[int, ...]) -> list[int]:
+    """Rows between which nothing is smoothed across, the first and the end among them."""
+    samples = len(next(iter(recording.columns.values())))
+    return sorted({0, *recording.breaks, *cuts, samples})
+
+
+def _by_stretches(column: NDArray, edges: list[int], estimate: Callable[[NDArray, float], Pair]) -> Pair:
+    """What `estimate` makes of each stretch of a column and of its noise, one after the other."""
+    stretches = [column[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [estimate(values, _level(values, stretches)) for values in stretches]
+    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+
 def _level(values: NDArray, stretches: list[NDArray]) -> float:
     """Noise of one stretch by its own samples, so that none learns of another; or the longest's."""
     enough = len(values) >= ENOUGH
@@ -123,8 +168,7 @@ def _stack(names: tuple[str, ...], of: Callable[[str], NDArray]) -> NDArray:
     return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
 
 
-def _pair(names: tuple[str, ...], of: Callable[[str], tuple[NDArray, NDArray]]) -> tuple[NDArray, NDArray]:
-    pairs = [of(name) for name in names]
-    if len(pairs) == 1:
-        return pairs[0]
-    return np.stack([p[0] for p in pairs], axis=-1), np.stack([p[1] for p in pairs], axis=-1)
+def _pair(names: tuple[str, ...], of: Callable[[str], Pair]) -> Pair:
+    """Values and deviations of one column, or of several side by side."""
+    pairs = {name: of(name) for name in names}
+    return _stack(names, lambda name: pairs[name][0]), _stack(names, lambda name: pairs[name][1])

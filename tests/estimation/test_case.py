@@ -13,6 +13,7 @@ from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import read
 from jaxmuscle.recordings.joining import joined
+from jaxmuscle.recordings.smoothing import noise_level, rate_from_past
 from jaxmuscle.samples import sample
 
 
@@ -81,6 +82,45 @@ def test_held_out_readings_do_not_reach_the_training(name):
     jax.tree.map(np.testing.assert_array_equal, seen(clean), seen(dirty))
     unseen = [prepared.observed.track.measured["pressure"][first:] for prepared in (clean, dirty)]
     assert not np.allclose(*unseen, rtol=1e-3)
+
+
+def begun_from(recording, state_from, held_out=0.3):
+    card = dataclasses.replace(recording.card, state_from=state_from)
+    return case(dataclasses.replace(recording, card=card), held_out)
+
+
+def test_windows_begin_with_what_the_past_tells(lift):
+    past = begun_from(lift, "past", 0.3)
+    begun = past.problem.track.measured
+    for state in ("pressure", "position"):
+        np.testing.assert_array_equal(begun[state], lift.columns[state])
+    seen, unseen = np.split(lift.columns["position"], [4200])
+    told = [rate_from_past(part, lift.step, noise_level(part)) for part in (seen, unseen)]
+    np.testing.assert_array_equal(begun["velocity"], np.concatenate([rate for rate, _ in told]))
+    np.testing.assert_array_equal(past.starts.spread["velocity"], np.concatenate([std for _, std in told]))
+
+
+def test_what_is_smoothed_for_other_ends_stays(lift):
+    past, both = begun_from(lift, "past", 0.3), case(lift, 0.3)
+    assert both.starts is both.observed
+    jax.tree.map(np.testing.assert_array_equal, past.observed.track.measured, both.observed.track.measured)
+    assert np.median(past.starts.spread["velocity"]) > 2 * np.median(both.starts.spread["velocity"])
+
+
+def test_what_a_bench_imposes_is_known_from_both_sides(driven):
+    """A prediction is told the motion that is to come."""
+    past, both = (begun_from(driven, state_from).problem.track.measured for state_from in ("past", "both"))
+    jax.tree.map(np.testing.assert_array_equal, past, both)
+
+
+def test_the_past_of_a_run_begins_with_it(lift):
+    """Across a break nothing is told."""
+    twice = joined([lift.part(0, 1000), lift.part(3000, 4000)], "twice")
+    whole, alone = begun_from(twice, "past", 0.1), begun_from(lift.part(3000, 4000), "past", 0.2)
+    for state in ("pressure", "position", "velocity"):
+        np.testing.assert_allclose(
+            whole.problem.track.measured[state][1000:1600], alone.problem.track.measured[state][:600]
+        )
 
 
 def test_ignored_rows_have_no_weight(driven):

@@ -126,6 +126,7 @@ def test_rigs_that_cannot_be_registered():
         ({"step": 0.0}, "step: expected the time between two samples"),
         ({"noise": {"force": 1.0}}, "noise: unknown column 'force'"),
         ({"noise": {"position": 0.0}}, r"noise\['position'\]: expected a standard deviation above zero"),
+        ({"state_from": "later"}, r"state_from: expected .past., .* got 'later'"),
         ({"horizon": 100.0}, "horizon: expected a time from one step, 0.01 s, to the whole recording, 4 s"),
         ({"breaks": [400]}, "breaks: expected rows between 1 and 399"),
     ],

@@ -173,6 +173,9 @@ def test_sections_that_go_and_come_are_gone_and_there() -> None:
     lift = card("lift")
     without = dataclasses.replace(lift, effects={}, horizon=None)
     assert reread(without) == without and without != lift
+    for card_ in (lift, without):
+        past = dataclasses.replace(card_, state_from="past")
+        assert reread(past) == past and past != card_
     empty = dataclasses.replace(lift, effects={**lift.effects, "creep": {}})
     assert reread(empty) == empty and "creep" in reread(empty).effects
 

@@ -106,6 +106,11 @@ SPOILT = {
         ["[fit] horizon", "above zero", "-1"],
     ),
     "horizon without unit": ('{ value = 1, unit = "s" }', "{ value = 1 }", ["[fit] horizon", "unit", '"ms"']),
+    "state from something else": (
+        "[fit]\n",
+        '[fit]\nstate_from = "history"\n',
+        ["[fit]: state_from", '"past"', '"both"', "'history'"],
+    ),
     "unknown fit option": ("horizon = {", "horizont = {", ["[fit]", "'horizont'", "'horizon'"]),
     "unknown effect": (
         "[effects.thread_friction]",

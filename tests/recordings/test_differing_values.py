@@ -91,6 +91,9 @@ def test_what_else_differs_is_refused(lift):
     rubbing = dataclasses.replace(lift, card=lift.card.updated({}, {"load_friction": {"force": (3.0, 1.0)}}))
     with pytest.raises(InputError, match=r"differ in \[effects\]"):
         of_one_bench([sure, rubbing])
+    predicting = dataclasses.replace(lift, card=dataclasses.replace(lift.card, state_from="past"))
+    with pytest.raises(InputError, match=r"differ in .*state_from"):
+        of_one_bench([sure, predicting])
     assert of_one_bench([unsure, with_mass(lift, 8.0, std=0.2)]).differences["mass"][-1] == -1.0
 
 

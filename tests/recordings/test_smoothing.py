@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from jaxmuscle.recordings.smoothing import ORDER, WINDOWS, noise_level, quantisation_step, smooth
+from jaxmuscle.recordings.smoothing import (
+    ORDER,
+    WINDOWS,
+    noise_level,
+    quantisation_step,
+    rate_from_past,
+    smooth,
+)
 
 STEP = 0.01
 TIME = np.arange(3000) * STEP
@@ -152,3 +159,40 @@ def test_slope_of_few_samples_is_their_difference():
     assert deviation[0] == pytest.approx(np.sqrt(2) * NOISE / STEP)
     alone, _ = smooth(np.array([0.7]), STEP, NOISE, derivative=1)
     np.testing.assert_array_equal(alone, [0.0])
+
+
+def test_rate_from_past_does_not_know_what_comes():
+    now = 1700
+    other = np.where(np.arange(len(NOISY)) <= now, NOISY, 0.0)
+    for first, second in zip(
+        rate_from_past(NOISY, STEP, NOISE), rate_from_past(other, STEP, NOISE), strict=True
+    ):
+        np.testing.assert_array_equal(first[: now + 1], second[: now + 1])
+
+
+def test_rate_from_past_of_a_parabola():
+    rate, spread = rate_from_past(2.0 - 3.0 * TIME + 4.0 * TIME**2, STEP, 0.0)
+    np.testing.assert_allclose(rate[3:], -3.0 + 8.0 * TIME[3:], rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(spread, 0.0)
+
+
+def test_rate_from_past_knows_its_noise():
+    """Of a ramp, which every window fits: the error is as large as is told, far below a difference's."""
+    rate, spread = rate_from_past(0.5 * TIME + WHITE, STEP, NOISE)
+    off = (rate - 0.5)[100:] / spread[100:]
+    assert 0.7 < rms(off) < 1.6
+    assert rms(rate[100:] - 0.5) < 0.2 * NOISE * np.sqrt(2.0) / STEP
+
+
+def test_rate_from_past_of_a_sine():
+    """Several times the error of a rate that knows both sides, and well below a difference's."""
+    past = rms((rate_from_past(NOISY, STEP, NOISE)[0] - SLOPE)[INNER])
+    both = rms((smooth(NOISY, STEP, NOISE, 1)[0] - SLOPE)[INNER])
+    assert 2 * both < past < 0.2 * NOISE * np.sqrt(2.0) / STEP
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_rate_from_past_of_a_few_samples(count):
+    rate, spread = rate_from_past(0.5 * TIME[:count], STEP, NOISE)
+    np.testing.assert_allclose(rate, 0.5 if count > 1 else 0.0, rtol=1e-12)
+    assert (spread > 0).all() and np.isfinite(spread).all()

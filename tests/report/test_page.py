@@ -120,6 +120,14 @@ def test_page_without_horizon_rounds_reveal_or_file() -> None:
     assert "predicting each part in one run" in page(bare)
 
 
+def test_the_page_says_what_windows_begin_with() -> None:
+    outcome = diagnosis("complete")
+    card = dataclasses.replace(outcome.recording.card, state_from="past")
+    past = dataclasses.replace(outcome, recording=dataclasses.replace(outcome.recording, card=card))
+    assert "predicting 1 s ahead from each measured start" in page(outcome)
+    assert "predicting 1 s ahead from what samples up to each start tell" in page(past)
+
+
 def test_pages_of_one_diagnosis_are_equal() -> None:
     assert page(diagnosis("complete")) == page(diagnosis("complete"))
 

@@ -173,6 +173,7 @@ KEYS = {
     "after",
     "noise",
     "horizon",
+    "state_from",
     "held_out_fraction",
     "unexplained",
     "parameters",
