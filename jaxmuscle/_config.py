@@ -49,7 +49,7 @@ WHOLE = {"--xla_backend_extra_options": f"{SMALL}=400000", f"--{APART}": "0"}
 r"""On a CPU, XLA compiles a loop whose step touches less than this many bytes into one function (else 1 kB).
 
 Any larger loop it runs kernel by kernel, which is most of the time of a single run, of its derivatives, and
-of a batch that fits into a core's cache. Beyond, kernels are vectors long enough, and compiled as `COMPACT`
+of a batch that fits into a core's cache. Beyond, kernels are vectors long enough, and compiled as `CAREFUL`
 a whole loop would be slower than they are.
 
 XLA tells LLVM which of its buffers never overlap. In functions as large as these LLVM (23.0git, in jaxlib
@@ -68,25 +68,12 @@ CAREFUL = {
 
 Buffers share places, and LLVM is told nothing about them: a Jacobian takes twice as long.
 """
-COMPACT = {
-    APART: -1,
-    "xla_llvm_enable_alias_scope_metadata": False,
-    "xla_llvm_enable_noalias_metadata": False,
-}
-"""Options of one compilation: as in :data:`CAREFUL`, for programs so large that compiling them with every
-result apart takes much memory (2.4 instead of 1.7 GB in a diagnosis).
-"""
 Environment = MutableMapping[str, str]
 
 
 def needed() -> bool:
     """Whether the installed jaxlib needs options; XLA ends the program at an option that it does not know."""
     return version("jaxlib").startswith(NEEDED_BY)
-
-
-def compact() -> dict[str, Any] | None:
-    """Options of a compilation that is to take little memory; `None` for a jaxlib that needs none."""
-    return COMPACT if needed() else None
 
 
 def add_options(environment: Environment, jax: Any) -> None:

@@ -21,7 +21,6 @@ from jaxmuscle._config import (
     WHOLE,  # fmt: skip
     X64,
     add_options,  # fmt: skip
-    compact,  # fmt: skip
     needed,
     prepare,
     present,  # fmt: skip
@@ -288,7 +287,6 @@ def test_only_jaxlib_0_10_gets_options(monkeypatch, release, wanted):
     """The next ones are as fast without; and XLA ends the program at an option that it does not know."""
     monkeypatch.setattr(_config, "version", lambda _: release)
     assert needed() is wanted
-    assert (compact() is not None) is wanted
 
 
 def test_what_was_added_can_be_taken_out():
