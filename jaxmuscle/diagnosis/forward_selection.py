@@ -295,7 +295,7 @@ def forward_selection(
 
 def _with_spread(case: Case, bench: Workbench, training: Problem, model: AbstractActuator) -> Problem:
     """The training windows, with weights that allow for what the smoothed states leave uncertain."""
-    wider = {name: SPREAD * values for name, values in case.starts.spread.items()}
+    wider = {name: SPREAD * values for name, values in case.observed.spread.items()}
     variance = bench.checkpoint.remember(
         "spread", (bench.bare(model, []), training), lambda: expected_spread(model, training, wider)
     )

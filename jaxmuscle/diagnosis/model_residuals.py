@@ -54,7 +54,7 @@ class ModelResiduals(CandidateModels):
             case.recording,
             problem,
             problem.samples,
-            case.starts.spread,
+            case.observed.spread,
         )
         unknowns = self.unknowns(model, paths, effects)
         return Objective([station], unknowns, self.loss, program=self.program(model, effects))

@@ -13,7 +13,6 @@ from jaxmuscle.diagnosis.diagnosis_data import Error
 from jaxmuscle.estimation.case import Case
 from jaxmuscle.estimation.residuals import evaluate_chain, freed
 from jaxmuscle.estimation.windows import Problem
-from jaxmuscle.recordings.card_sections import PAST
 from jaxmuscle.recordings.smoothing import WINDOWS
 
 REACH = max(WINDOWS) // 2
@@ -35,16 +34,16 @@ def begun(case: Case, model: AbstractActuator) -> Problem:
     free mass carries that error on to the end of the window. The samples around the beginning say more to
     one who knows how the machine moves: one Gauss-Newton step per window, twice, on the first
     :data:`REACH` samples, with the smoothed velocity as a prior. Rigs whose velocity is imposed stay as
-    they are, and so do windows that have to begin with what was known then.
+    they are, and so do windows that have to begin with what the past tells.
     """
     whole = freed(case.problem, model)
-    if case.recording.card.state_from == PAST:
+    if whole.track.start_errors:
         return whole
     rows = np.asarray(whole.rows)
     for name in model.derivatives:
         if name in model.imposed or np.ndim(whole.track.measured[name]) != 1:
             continue
-        spread = np.asarray(case.starts.spread[name])[rows]
+        spread = np.asarray(case.observed.spread[name])[rows]
         # Where readings stand still to the last digit smoothing leaves no doubt: such a start stays.
         doubtful = spread > 0
         sure = (DOUBT * np.where(doubtful, spread, 1.0)) ** -2.0

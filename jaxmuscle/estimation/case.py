@@ -21,7 +21,7 @@ from jaxmuscle.parameter_names import effect_path
 from jaxmuscle.recordings.card import actuator_from_card
 from jaxmuscle.recordings.card_sections import PAST
 from jaxmuscle.recordings.recording import Recording
-from jaxmuscle.simulation.observed import Observed, as_known_then, observed
+from jaxmuscle.simulation.observed import Observed, begun_from_past, observed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,8 +34,6 @@ class Case:
         usable: column → rows whose reading is there and counts.
         actuator: the machine, as the card declares it unless another was given.
         priors: path of every parameter that the card calls uncertain → what it says of it.
-        observed: the recording with smoothed states; `starts`: with those from which windows begin, the same
-            unless the card wants them as they were known then.
         windows: all windows, held out or not; `problem` holds them all with the sensors' weights.
     """
 
@@ -45,7 +43,6 @@ class Case:
     actuator: AbstractActuator
     priors: dict[str, Prior]
     observed: Observed
-    starts: Observed
     windows: Windows
     problem: Problem
 
@@ -88,8 +85,8 @@ def case(
     mask = _mask(held_out, len(recording))
     cuts = tuple((np.flatnonzero(np.diff(mask) | np.diff(found.cut)) + 1).tolist())
     prepared = observed(actuator, found.recording, card.noise, cuts, twice)
-    from_past = card.state_from == PAST
-    starts = as_known_then(prepared, actuator, found.recording, cuts) if from_past else prepared
+    if card.state_from == PAST:
+        prepared = begun_from_past(prepared, actuator, found.recording, cuts)
     parts = stretches(mask, (*recording.breaks, *cuts))
     windows = cut(actuator, parts, recording.step, card.horizon)
     windows = windows.only(~found.cut[windows.rows])
@@ -101,9 +98,8 @@ def case(
         actuator,
         _priors(recording, actuator),
         prepared,
-        starts,
         windows,
-        problem(starts, windows, substeps, found.ignored),
+        problem(prepared, windows, substeps, found.ignored),
     )
 
 

@@ -160,7 +160,7 @@ def station(
         prepared.filled,
         problem.with_weights(weights),
         problem.samples,
-        prepared.starts.spread,
+        prepared.observed.spread,
     )
 
 

@@ -64,7 +64,7 @@ def _begins(station: Station) -> Iterator[tuple[str, Line]]:
     """
     rows = np.asarray(station.problem.rows)
     for name in (n for n in station.actuator.measured if n not in station.actuator.imposed):
-        spread = np.asarray(station.spread[name])
+        spread = station.problem.track.start_spread(name, station.spread[name])
         for column in np.ndindex(spread.shape[1:]):
             reach = np.zeros_like(spread)
             reach[(rows, *column)] = spread[(rows, *column)]
@@ -112,7 +112,8 @@ def _changes(objective: Objective, number: int, u: Line) -> list[dict[str, Line]
 
     found = []
     for name in (n for n in station.actuator.derivatives if n not in station.actuator.imposed):
-        rates, spread = np.asarray(problem.track.measured[name]), np.asarray(station.spread[name])
+        rates = np.asarray(problem.track.measured[name])
+        spread = problem.track.start_spread(name, station.spread[name])
         later, earlier = (INSTANT * (each - rates) for each in _neighbours(problem, rates))
         for up, down in ((spread, -spread), (later, earlier)):
             one, other = residuals(name, rates + up), residuals(name, rates + down)

@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
@@ -120,6 +121,7 @@ def longer_track(track: Track, rows: int, breaks: bool) -> Track:
         measured={name: longer(values, rows) for name, values in track.measured.items()},
         begins=begins,
         differences={name: longer(values, rows) for name, values in track.differences.items()},
+        start_errors=jax.tree.map(lambda values: longer(values, rows), track.start_errors),
     )
 
 

@@ -29,13 +29,28 @@ def expected_spread(actuator: AbstractActuator, problem: Problem, spread: dict[s
     Each rate of a measured state, the least certain of what is smoothed, is shifted by ± its standard
     deviation and, because channels are read one after the other and the instant at which a motion turns is
     not known better, by ± one sample: both where it starts a window and where it is imposed. Half the
-    difference of the predictions, squared, is summed. Zero where nothing counts.
+    difference of the predictions, squared, is summed. Zero where nothing counts. Where windows begin with
+    what the past tells, these beginnings are shifted, too: readings by ± their noise, rates, which lag, by
+    ± `SPREAD` of their standard deviations.
     """
-    pairs = {}
+    pairs: dict[str, tuple[tuple[Line, Line], ...]] = {}
     for name in actuator.derivatives:
         values, size = np.asarray(problem.track.measured[name]), np.asarray(spread[name])
         pairs[name] = ((values + size, values - size), _neighbours(values, problem))
+    rows = _starting_rows(problem)
+    for name, error in problem.track.start_errors.items():
+        values = np.asarray(problem.track.measured[name])
+        begin = np.zeros_like(values)
+        begin[rows] = (SPREAD if name in actuator.derivatives else 1.0) * np.asarray(error.spread)[rows]
+        pairs[name] = (*pairs.get(name, ()), (values + begin, values - begin))
     return spread_between(actuator, problem, pairs)
+
+
+def _starting_rows(problem: Problem) -> NDArray[np.int64]:
+    """Rows at which windows, or their parts, begin with what was measured."""
+    within = np.arange(0, problem.samples, int(problem.period))
+    rows = (np.asarray(problem.rows)[:, None] + within).ravel()
+    return np.unique(np.minimum(rows, problem.track.command.shape[0] - 1))
 
 
 def spread_between(

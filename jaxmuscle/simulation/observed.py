@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
 from jaxmuscle.recordings.smoothing import noise_level, rate_from_past, smooth
-from jaxmuscle.simulation.track import Track
+from jaxmuscle.simulation.track import StartError, Track
 
 Columns = Mapping[str, NDArray[np.float64]]
 Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -107,14 +107,14 @@ def observed(
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
 
 
-def as_known_then(
+def begun_from_past(
     prepared: Observed, actuator: AbstractActuator, recording: Sampled, cuts: tuple[int, ...] = ()
 ) -> Observed:
-    """`prepared` with states as they are known at each sample by samples up to then.
+    """`prepared` with runs that begin with states as samples up to then tell them.
 
     A measured state is its reading, with the noise found in it; its rate that of
-    :func:`~jaxmuscle.recordings.smoothing.rate_from_past`. States that the bench imposes stay smoothed from
-    both sides: a prediction is told them.
+    :func:`~jaxmuscle.recordings.smoothing.rate_from_past`. Inputs of links, and states that the bench imposes
+    throughout, stay smoothed from both sides: a prediction is told them.
 
     Args:
         recording, cuts: as of :func:`observed`.
@@ -127,15 +127,15 @@ def as_known_then(
     def rate(values: NDArray, noise: float) -> Pair:
         return rate_from_past(values, step, noise)
 
-    measured, spread = dict(prepared.track.measured), dict(prepared.spread)
-    bases = {**{state: state for state in actuator.measured}, **actuator.derivatives}
+    errors, bases = {}, {**{state: state for state in actuator.measured}, **actuator.derivatives}
     for state in (name for name in bases if name not in actuator.imposed):
         known = rate if state in actuator.derivatives else read
         names = actuator.measured[bases[state]]
         found = {name: _by_stretches(columns[name], edges, known) for name in names}
-        values, deviations = _pair(names, found.__getitem__)
-        measured[state], spread[state] = jnp.asarray(values), jnp.asarray(deviations)
-    return eqx.tree_at(lambda p: (p.track.measured, p.spread), prepared, (measured, spread))
+        values, spread = _pair(names, found.__getitem__)
+        offset = values - np.asarray(prepared.track.measured[state])
+        errors[state] = StartError(jnp.asarray(offset), jnp.asarray(spread))
+    return eqx.tree_at(lambda p: p.track.start_errors, prepared, errors)
 
 
 def _edges(recording: Sampled, cuts: tuple[int, ...]) -> list[int]:

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator, Held, State
 from jaxmuscle.actuators.sensing import sensing
@@ -17,6 +18,18 @@ from jaxmuscle.effects.base import States
 from jaxmuscle.effects.chain import initial_states
 from jaxmuscle.parameters import entries_of, raised, split_index
 from jaxmuscle.signals import Past
+
+
+class StartError(eqx.Module):
+    """How a state that is told by the past alone differs from the smoothed one, at every sample.
+
+    Attributes:
+        offset: what it is above the smoothed one.
+        spread: its standard deviation.
+    """
+
+    offset: Float[Array, "samples ..."]
+    spread: Float[Array, "samples ..."]
 
 
 class Track(eqx.Module):
@@ -35,6 +48,8 @@ class Track(eqx.Module):
         before: command before row 0; that under which the machine rests there when `None`.
         differences: path of a number of the machine → by how much it is larger at a sample than the machine
             says, where recordings under several values (a mass, a length) were joined.
+        start_errors: measured state, or rate of one, → what it is off where a run begins with it as the past
+            tells it; none where runs begin with the smoothed states.
     """
 
     step: Float[Array, ""]
@@ -46,6 +61,7 @@ class Track(eqx.Module):
     begin_time: Float[Array, ""] | None = None
     before: Float[Array, "*muscles"] | None = None
     differences: dict[str, Float[Array, " samples"]] = eqx.field(default_factory=dict)
+    start_errors: dict[str, StartError] = eqx.field(default_factory=dict)
 
     def time(self, row: Array) -> Array:
         """Seconds since the simulation began at a row, or at several."""
@@ -56,6 +72,21 @@ class Track(eqx.Module):
         """The measured states at a sample, or at several."""
         last = self.command.shape[0] - 1
         return {name: values[jnp.minimum(row, last)] for name, values in self.measured.items()}
+
+    def at_start(self, row: Array) -> State:
+        """The measured states with which a run begins at a sample."""
+        here = jnp.minimum(row, self.command.shape[0] - 1)
+        found = self.at(row)
+        return found | {name: found[name] + error.offset[here] for name, error in self.start_errors.items()}
+
+    def start_spread(self, name: str, smoothed: ArrayLike) -> NDArray[np.float64]:
+        """Standard deviation of a measured state where a run begins with it, at every sample.
+
+        Args:
+            smoothed: that of the smoothed state.
+        """
+        error = self.start_errors.get(name)
+        return np.asarray(smoothed if error is None else error.spread)
 
     def first(self, row: Array) -> Array | int:
         """First row of the stretch that a row belongs to."""
@@ -84,7 +115,7 @@ class Restarts(eqx.Module):
     def at(self, row: Array, track: Track) -> Start:
         """States and memories with which a run begins anew at `row`."""
         carried = jax.tree.map(lambda values: values[row], self.hidden)
-        return Start({**carried.state, **track.at(row)}, carried.memory)
+        return Start({**carried.state, **track.at_start(row)}, carried.memory)
 
 
 def machine_at(actuator: AbstractActuator, track: Track, row: int | Array) -> AbstractActuator:
@@ -103,7 +134,8 @@ def start_at_rest(actuator: AbstractActuator, track: Track, row: int | Array = 0
     # Once more under the signals that these states make: a lagging sensor starts at the whole force.
     whole = actuator.signals({**state, "effects": states}, _held_before(actuator, track, here, memory))
     states, memory = initial_states(actuator.effects, sensing(actuator, whole))
-    return Start({**state, "effects": states}, memory)
+    begun = {name: value for name, value in track.at_start(here).items() if name in track.start_errors}
+    return Start({**state, **begun, "effects": states}, memory)
 
 
 def _held_before(actuator: AbstractActuator, track: Track, row: Array, memory: States) -> Held:

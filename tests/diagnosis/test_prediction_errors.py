@@ -65,8 +65,8 @@ def test_only_the_beginnings_are_touched(lifted):
 def test_what_smoothing_knows_well_stays(lifted):
     """A prior of a tiny deviation, and a model that is far off: the smoothed velocity keeps its say."""
     prepared, _ = lifted
-    sure = {name: values * 1e-6 for name, values in prepared.starts.spread.items()}
-    certain = dataclasses.replace(prepared, starts=dataclasses.replace(prepared.starts, spread=sure))
+    sure = {name: values * 1e-6 for name, values in prepared.observed.spread.items()}
+    certain = dataclasses.replace(prepared, observed=dataclasses.replace(prepared.observed, spread=sure))
     heavy = replace(prepared.actuator, {"mass": 20.0})
     before, after = (p.track.measured["velocity"] for p in (certain.problem, begun(certain, heavy)))
     np.testing.assert_allclose(before, after, atol=1e-6)
@@ -76,8 +76,8 @@ def test_a_start_without_any_doubt_stays(lifted):
     """Readings that do not move in their last digit leave a spread of zero."""
     prepared, _ = lifted
     sure = {name: np.where(np.arange(len(values)) < 300, 0.0, values)
-            for name, values in prepared.starts.spread.items()}  # fmt: skip
-    certain = dataclasses.replace(prepared, starts=dataclasses.replace(prepared.starts, spread=sure))
+            for name, values in prepared.observed.spread.items()}  # fmt: skip
+    certain = dataclasses.replace(prepared, observed=dataclasses.replace(prepared.observed, spread=sure))
     before, after = (
         p.track.measured["velocity"] for p in (certain.problem, begun(certain, certain.actuator))
     )

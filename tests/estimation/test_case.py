@@ -10,6 +10,8 @@ from oracles import bench
 from oracles.recorded import STDS, THREAD_STDS, driven_card, driven_recording
 
 from jaxmuscle.estimation.case import case
+from jaxmuscle.estimation.residuals import link_predictions
+from jaxmuscle.estimation.weights import SPREAD, expected_spread
 from jaxmuscle.parameters import get
 from jaxmuscle.recordings import read
 from jaxmuscle.recordings.joining import joined
@@ -90,37 +92,73 @@ def begun_from(recording, state_from, held_out=0.3):
 
 
 def test_windows_begin_with_what_the_past_tells(lift):
-    past = begun_from(lift, "past", 0.3)
-    begun = past.problem.track.measured
+    track = begun_from(lift, "past", 0.3).problem.track
+    begun = track.at_start(np.arange(6000))
     for state in ("pressure", "position"):
-        np.testing.assert_array_equal(begun[state], lift.columns[state])
+        np.testing.assert_allclose(begun[state], lift.columns[state], rtol=1e-12, atol=1e-12)
     seen, unseen = np.split(lift.columns["position"], [4200])
     told = [rate_from_past(part, lift.step, noise_level(part)) for part in (seen, unseen)]
-    np.testing.assert_array_equal(begun["velocity"], np.concatenate([rate for rate, _ in told]))
-    np.testing.assert_array_equal(past.starts.spread["velocity"], np.concatenate([std for _, std in told]))
+    np.testing.assert_allclose(begun["velocity"], np.concatenate([rate for rate, _ in told]), atol=1e-9)
+    spread = track.start_spread("velocity", np.zeros(6000))
+    np.testing.assert_array_equal(spread, np.concatenate([std for _, std in told]))
 
 
 def test_what_is_smoothed_for_other_ends_stays(lift):
+    """Inputs of links, and missing rates; a smoothed velocity is better known."""
     past, both = begun_from(lift, "past", 0.3), case(lift, 0.3)
-    assert both.starts is both.observed
-    jax.tree.map(np.testing.assert_array_equal, past.observed.track.measured, both.observed.track.measured)
-    assert np.median(past.starts.spread["velocity"]) > 2 * np.median(both.starts.spread["velocity"])
+    jax.tree.map(np.testing.assert_array_equal, past.problem.track.measured, both.problem.track.measured)
+    jax.tree.map(np.testing.assert_array_equal, past.observed.spread, both.observed.spread)
+    assert not both.problem.track.start_errors
+    spread = [np.median(c.problem.track.start_spread("velocity", c.observed.spread["velocity"]))
+              for c in (past, both)]  # fmt: skip
+    assert spread[0] > 2 * spread[1]
+
+
+def test_a_prediction_begins_there_and_its_inputs_are_the_smoothed_ones(lift):
+    """Of the first row of a window a reading is what the past tells; parts of windows begin so, too."""
+    past, both = (begun_from(lift, state_from, 0.3) for state_from in ("past", "both"))
+    machine, readings = past.actuator, {}
+    for name, prepared in (("past", past), ("both", both)):
+        parts = prepared.problem.in_parts(4)
+        readings[name] = {o: np.asarray(v) for o, v in link_predictions(machine, parts).items()}
+    rows, within = past.windows.rows, slice(0, None, 125)
+    here = past.windows.sample_rows(6000)[:, within]
+    np.testing.assert_allclose(readings["past"]["position"][:, within], lift.columns["position"][here])
+    smoothed = np.asarray(both.observed.track.measured["position"])[here]
+    np.testing.assert_allclose(readings["both"]["position"][:, within], smoothed)
+    assert len(rows) == len(here)
 
 
 def test_what_a_bench_imposes_is_known_from_both_sides(driven):
-    """A prediction is told the motion that is to come."""
-    past, both = (begun_from(driven, state_from).problem.track.measured for state_from in ("past", "both"))
-    jax.tree.map(np.testing.assert_array_equal, past, both)
+    """A prediction is told the motion and the pressure that are to come."""
+    assert not begun_from(driven, "past").problem.track.start_errors
 
 
 def test_the_past_of_a_run_begins_with_it(lift):
     """Across a break nothing is told."""
     twice = joined([lift.part(0, 1000), lift.part(3000, 4000)], "twice")
     whole, alone = begun_from(twice, "past", 0.1), begun_from(lift.part(3000, 4000), "past", 0.2)
+    ahead, own = (prepared.problem.track.at_start(np.arange(2000)) for prepared in (whole, alone))
     for state in ("pressure", "position", "velocity"):
-        np.testing.assert_allclose(
-            whole.problem.track.measured[state][1000:1600], alone.problem.track.measured[state][:600]
-        )
+        np.testing.assert_allclose(ahead[state][1000:1600], own[state][:600], rtol=1e-9, atol=1e-12)
+    (first,) = np.flatnonzero(whole.windows.rows == 1000)
+    begun = link_predictions(whole.actuator, whole.problem)["position"][first, 0]
+    assert begun == pytest.approx(twice.columns["position"][1000], rel=1e-12)
+
+
+def test_weights_allow_for_what_the_past_does_not_know(lift):
+    """By the uncertain velocity a prediction is off at its end by more than when both sides tell it."""
+    variances = []
+    for state_from in ("past", "both"):
+        prepared = begun_from(lift, state_from)
+        spread = {name: SPREAD * values for name, values in prepared.observed.spread.items()}
+        variances.append(expected_spread(prepared.actuator, prepared.problem, spread))
+    past, both = (np.median(variance["position"][:, 20]) for variance in variances)
+    assert past > 3 * both > 0
+    # A pressure begins as it was read, with the noise of its sensor; flow through the valve takes some off.
+    past, both = (np.median(np.asarray(variance["pressure"]), axis=0) for variance in variances)
+    more = (past - both) / lift.card.noise["pressure"] ** 2
+    assert more[1] == pytest.approx(1.0, abs=0.1) and 0 < more[400] < 0.9
 
 
 def test_ignored_rows_have_no_weight(driven):
