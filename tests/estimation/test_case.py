@@ -93,7 +93,7 @@ def begun_from(recording, state_from, held_out=0.3):
 
 def test_windows_begin_with_what_the_past_tells(lift):
     track = begun_from(lift, "past", 0.3).problem.track
-    begun = track.at_start(np.arange(6000))
+    begun = track.at_start(jnp.arange(6000))
     for state in ("pressure", "position"):
         np.testing.assert_allclose(begun[state], lift.columns[state], rtol=1e-12, atol=1e-12)
     seen, unseen = np.split(lift.columns["position"], [4200])
@@ -138,7 +138,7 @@ def test_the_past_of_a_run_begins_with_it(lift):
     """Across a break nothing is told."""
     twice = joined([lift.part(0, 1000), lift.part(3000, 4000)], "twice")
     whole, alone = begun_from(twice, "past", 0.1), begun_from(lift.part(3000, 4000), "past", 0.2)
-    ahead, own = (prepared.problem.track.at_start(np.arange(2000)) for prepared in (whole, alone))
+    ahead, own = (prepared.problem.track.at_start(jnp.arange(2000)) for prepared in (whole, alone))
     for state in ("pressure", "position", "velocity"):
         np.testing.assert_allclose(ahead[state][1000:1600], own[state][:600], rtol=1e-9, atol=1e-12)
     (first,) = np.flatnonzero(whole.windows.rows == 1000)

@@ -193,6 +193,6 @@ def test_rate_from_past_of_a_sine():
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_rate_from_past_of_a_few_samples(count):
-    rate, spread = rate_from_past(0.5 * TIME[:count], STEP, NOISE)
+    rate, spread = rate_from_past(0.5 * TIME[:count].astype(np.float64), STEP, NOISE)
     np.testing.assert_allclose(rate, 0.5 if count > 1 else 0.0, rtol=1e-12)
     assert (spread > 0).all() and np.isfinite(spread).all()
