@@ -1,6 +1,7 @@
 """The last fit of a diagnosis: effects with which it fails, and those that no machine has, are none."""
 
 import importlib
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,30 @@ def test_a_machine_that_cannot_be_fitted_at_all_is_told(prepared, monkeypatch):
     with pytest.raises(NoFitError, match="the only start failed"):
         outcome = Outcome(tools.model, tools.model, (), (), (), True, {})
         borne_out(prepared, tools, prepared.training, outcome)
+
+
+@pytest.mark.parametrize(("by_folds", "named"), [((0.7, 0.8, 0.9, 0.8), True), ((0.1, 0.8, 1.6, 0.7), False)])
+def test_an_effect_on_whose_strength_folds_disagree_altogether_is_none(prepared, by_folds, named):
+    """It helps on unseen stretches, and 0.8 +- 0.9 may as well be nothing."""
+    tools = workbench(prepared, (effects.PressureDependentEnds,))
+    of = lambda amplitude: effects.PressureDependentEnds(amplitude=amplitude)  # pyright: ignore # noqa: E731
+    model, *folds = (tools.model.with_effects(pressure_dependent_ends=of(each)) for each in (0.8, *by_folds))
+    sought = (effects.PressureDependentEnds,)
+    found = (Candidate(sought, Evidence(0.9, 1e-3, 1.0), np.zeros((1, 4)), model, ()),)
+    outcome = Outcome(tools.model, model, found, (), tuple(folds), True, {})
+    last = borne_out(prepared, tools, prepared.training, outcome)
+    assert (not last.outcome.found, "two standard deviations" in str(last.refused)) == (not named, not named)
+
+
+@pytest.mark.parametrize(
+    ("alone", "held", "judged"),
+    [(0.03, 0.003, 0.006), (0.03, 0.03, 0.06), (0.0, 0.0, 0.06), (np.inf, 0.1, 0.1), (1.0, 0.1, 0.1)],
+)
+def test_folds_disagree_along_the_shapes_of_an_effect(alone, held, judged, monkeypatch):
+    monkeypatch.setattr(last_fit, "disagreement", lambda folds, path: 0.06)
+    final: Any = SimpleNamespace(std={"effects.force_drift.share": alone})
+    got = last_fit._with_folds(final, "effects.force_drift.share", held, ())
+    assert got == pytest.approx(judged)
 
 
 @pytest.mark.slow
