@@ -52,6 +52,18 @@ def test_ctrl_c_ends_a_diagnosis_at_once(tmp_path, wait_for):
     program.stdout.close()
 
 
+FEW = """
+import importlib
+from jaxmuscle import cli, effects
+
+module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
+module.CATALOGUE = (effects.LoadFriction, effects.Creep, effects.BladderStiffness, effects.LoadDamping)
+module.EXTENSION, module.reading_effects = (), lambda rig: ()
+cli.main()
+"""
+"""The program with a few effects to be tried."""
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
@@ -65,7 +77,7 @@ def test_the_same_command_goes_on_where_it_was(tmp_path, tmp_path_factory):
 
     def run(sent=None):
         with subprocess.Popen(
-            [sys.executable, "-m", "jaxmuscle.cli", "diagnose", "--resume", "--no-report"],
+            [sys.executable, "-c", FEW, "diagnose", "--resume", "--no-report"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
             env={**os.environ, **kept, "PYTHONPATH": os.pathsep.join(sys.path)},
         ) as program:  # fmt: skip
@@ -89,7 +101,7 @@ def test_the_same_command_goes_on_where_it_was(tmp_path, tmp_path_factory):
     assert status == -signal.SIGKILL
     assert "jaxmuscle-lift.checkpoint.json" in files and len(files) <= 2, "and what was being written"
     tried = {line.split()[1] for line in lines if line.startswith("trying")}
-    assert going_on(again)[0] >= len(tried) > 5, "all that were searched before they were judged"
+    assert going_on(again)[0] >= len(tried) >= 4, "all that were searched before they were judged"
     status, last, files = run()
     assert status == 0, last
     assert going_on(last)[0] >= going_on(again)[0]
@@ -168,7 +180,7 @@ def inputs(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
-@pytest.mark.parametrize("moment", [0.1, 0.7, 3.0, 8.0])
+@pytest.mark.parametrize("moment", [0.7, 4.0])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_ctrl_c_ends_every_command_at_once(tmp_path, inputs, name, moment):
     """While it loads, reads a long table, compiles and computes; with one line, and nothing written."""

@@ -82,11 +82,6 @@ OTHERS = {
         ("current_gain", "pipe_compliance"),
         {"current": 1e-3, "force": 0.3},
     ),
-    "jet-pipe-piston": (
-        bench.piston_command,
-        ("current_gain", "pipe_compliance"),
-        {"current": 1e-3, "force": 0.3},
-    ),
     "scara": (_waves, ("payload",), {"pressure": 400.0, "angle": 4e-4}),
 }
 
