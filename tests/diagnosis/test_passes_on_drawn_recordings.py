@@ -11,9 +11,7 @@ from jaxmuscle.effects import (
     Backlash,
     BladderStiffness,
     ChamberLeak,
-    Creep,
     DeadVolume,
-    ForceDrift,
     Gravity,
     LengthHysteresis,
     LoadDamping,
@@ -62,19 +60,6 @@ def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatc
     assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
 
 
-def test_bristles_beside_declared_friction_are_tried_against_a_later_effect(monkeypatch):
-    """A memory of the length was named, with 24 noise units left, where friction builds up over 1 mm."""
-    sought_among(monkeypatch, [ChamberLeak, LengthHysteresis])
-    blind = drawn(110209, "isotonic", 2, False)
-    assert {*blind.truth} == {"presliding", "chamber_leak"}
-    found = jm.diagnose(beginning(blind), constants=False)
-    assert [effect.name for effect in found.effects] == ["chamber_leak", "presliding"]
-    _, bristles = found.effects
-    distance = bristles.parameters["distance"]
-    assert abs(distance.value - blind.truth["presliding"]["distance"]) < 3 * distance.std
-    assert found.after["held_out"]["position"].in_noise < 5.0
-
-
 def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
     """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
     sought_among(monkeypatch, [BladderStiffness, LengthHysteresis, PressureDependentEnds, LoadDamping])
@@ -87,19 +72,6 @@ def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
         assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
     assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
     assert not found.violated_priors
-
-
-def test_a_drift_of_a_joint_is_found_on_whole_windows(monkeypatch):
-    """In quarters of them it has no time to show."""
-    sought_among(monkeypatch, [Creep, LoadDamping], [ForceDrift])
-    blind = drawn(90005, "joint", 1, False, ["force_drift"])
-    found = jm.diagnose(blind.recording, constants=False)
-    assert [effect.name for effect in found.effects] == ["force_drift"]
-    true, (drift,) = blind.truth["force_drift"], found.effects
-    ratio = drift.parameters["share"].value / drift.parameters["time_constant"].value
-    assert ratio == pytest.approx(true["share"] / true["time_constant"], rel=0.2)
-    assert found.before["held_out"]["angle"].in_noise > 5
-    assert found.after["held_out"]["angle"].in_noise < 2
 
 
 def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(monkeypatch):
