@@ -49,11 +49,11 @@ class Stage(NamedTuple):
     The paper's recurrence is in Y_j; in the increments rounding is that of the last addition alone.
     """
 
-    last: float | Array
-    before: float | Array
-    rate: float | Array
-    first_rate: float | Array
-    node: float | Array
+    last: float
+    before: float
+    rate: float
+    first_rate: float
+    node: float
 
 
 def stages_of(count: int) -> list[Stage]:
@@ -119,7 +119,8 @@ class ChebyshevRungeKutta(OneStepMethod):
             return (last, after, first), None
 
         still = (0.0 * y0**ω).ω
-        known = (Stage(*jnp.asarray(stages).T), nodes, jnp.arange(self.stages) == 0)
+        table = jax.tree.map(lambda *coefficient: jnp.asarray(coefficient), *stages)
+        known = (table, nodes, jnp.arange(self.stages) == 0)
         (_, last, _), _ = jax.lax.scan(onward, (still, still, still), known)
         y1 = (y0**ω + last**ω).ω
         return y1, None, {"y0": y0, "y1": y1}, None, RESULTS.successful
