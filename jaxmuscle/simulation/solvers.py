@@ -6,7 +6,7 @@ Dry friction that is smoothed over millimetres per second makes an otherwise tam
 negative real axis. The second-order Runge-Kutta-Chebyshev method of Sommeijer, Shampine and Verwer
 (J. Comput. Appl. Math. 88, 1998) with four stages is stable for step·rate up to 9.8, against 2 for the two
 stages of Heun's method. Its stages are a loop over their coefficients, in which the vector field stands once:
-what is compiled is half as large (a diagnosis of a lifted mass spends 40 % less on it), and sweeps and
+what is compiled is half as large (diagnoses of lifted masses spend 30 to 40 % less on it), and sweeps and
 derivatives run 10 to 20 % faster than with the stages written out.
 
 diffrax keeps the stages of its own methods in an array and loops over them, which refuses forward mode and,
