@@ -54,8 +54,8 @@ class ArmSettings:
 
     Attributes:
         episodes: how many, evenly spread over those that are not held out.
-        noise: of the angle, as the card has it [rad]. One that is a
-            third of what predictions miss keeps a robust loss from following the few episodes that move.
+        noise: of the angle, as the card has it [rad]. One that is a third of what predictions miss makes the
+            verdict lenient: nothing smaller is said to be missing.
         state_from: samples that tell the velocities with which windows begin.
         loss: by which models are fitted and judged.
     """

@@ -106,7 +106,7 @@ class ChebyshevRungeKutta(OneStepMethod):
         del solver_state, made_jump
         width = t1 - t0
         stages = stages_of(self.stages)
-        # Stage j takes the rate where stage j - 1 ended, the first one that at the begin.
+        # Each stage takes the rate where the one before it ended; the first one, that at the begin.
         nodes = jnp.asarray([0.0, *(stage.node for stage in stages[:-1])])
 
         def onward(carry: Any, known: tuple[Stage, Array, Array]) -> tuple[Any, None]:

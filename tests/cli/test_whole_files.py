@@ -20,17 +20,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="there, processes cannot
 COMMANDS = {
     "init": (("init", "swing.csv", "--rig", "joint", "--picture", "swing.png"), ("swing.toml", "swing.png")),
     "store": (
-        (
-            "sweep",
-            "lift.toml",
-            "--over",
-            "mass=7:9:2",
-            "--duration",
-            "0.02",
-            "--out",
-            "lift.zarr",
-            "--no-picture",
-        ),
+        ("sweep", *"lift.toml --over mass=7:9:2 --duration 0.02 --out lift.zarr --no-picture".split()),
         ("lift.zarr",),
     ),
     "diagnose": (("diagnose", "lift.csv", "--out", "new/folder"), ("new",)),
