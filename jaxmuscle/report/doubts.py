@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from jaxmuscle import formatting
 from jaxmuscle.diagnosis.diagnosis_data import FoundEffect
 from jaxmuscle.diagnosis.evidence import LIKELIHOOD_RATIO
@@ -12,12 +14,16 @@ from jaxmuscle.diagnosis.verdict import MISSING, differs_from_none, strength_std
 from jaxmuscle.effects.base import strengths_of
 from jaxmuscle.formatting import capital, parameter_words, words
 from jaxmuscle.parameter_names import effect_path
+from jaxmuscle.recordings.smoothing import noise_level
 
 UNDETERMINED = 1.0
 """Standard deviation relative to the value above which a parameter counts as not determined."""
 
 UNEVEN = 3.0
 """Root mean square error, relative to that of a typical stretch, from which few stretches hold most of it."""
+
+LARGE = 10.0
+"""Noise, relative to the scatter from sample to sample, from which it is said that it hides what is smaller."""
 
 
 def doubts(diagnosis: Diagnosis) -> list[str]:
@@ -33,6 +39,7 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
             f"where the model was fitted."
         )
     found += _uneven(diagnosis)
+    found += _more_noise_than_scatter(diagnosis)
     failed = dict.fromkeys(a.name for each in diagnosis.rounds for a in each.ranking if a.failed)
     found += [
         f"{capital(words(name))} could not be tried: with it the model's predictions are not numbers."
@@ -74,6 +81,25 @@ def _uneven(diagnosis: Diagnosis) -> list[str]:
         f"{few}The loss that was asked for counts these few little, and so does the verdict: an effect that "
         f"acts only there would not be noticed."
     ]
+
+
+def _more_noise_than_scatter(diagnosis: Diagnosis) -> list[str]:
+    """What is smaller than a noise that is declared far too large does not count as missing."""
+    found = []
+    for column in diagnosis.after["training"]:
+        declared, readings = diagnosis.noise[column], diagnosis.recording.columns[column]
+        scatter = noise_level(readings[np.isfinite(readings)])
+        if declared <= LARGE * scatter:
+            continue
+        unit = diagnosis.units[column]
+        size = formatting.declared(declared, unit)
+        less = f"scatter by {formatting.quantity(scatter, unit)}" if scatter > 0 else "hardly scatter"
+        found.append(
+            f"The noise of {words(column)} is taken as {size}, but its readings {less} from one sample to "
+            f"the next: what causes errors below {size} is not looked for. With a smaller noise on the card "
+            f"it would be."
+        )
+    return found
 
 
 def _few_stretches(diagnosis: Diagnosis) -> list[str]:

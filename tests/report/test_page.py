@@ -68,6 +68,7 @@ def test_page_says_what_the_verdict_means(verdict: str, told: str) -> None:
     assert told in page(diagnosis(verdict))
 
 
+@pytest.mark.slow
 def test_page_tells_candidates_that_were_not_tried_on_unseen_windows() -> None:
     outcome, told = (
         diagnosis("effects found"),
@@ -147,6 +148,19 @@ def test_doubts_stand_in_a_box_at_the_top() -> None:
     assert "12 readings of position do not count" in box
     assert "Creep helped on unseen training windows and was taken out again" in box
     assert "<b>Doubts</b>" not in page(diagnosis("complete"))
+
+
+def test_a_noise_that_hides_what_is_smaller_is_told() -> None:
+    """The readings scatter by 0.03 mm."""
+    found = diagnosis("complete")
+    taken = lambda noise: dataclasses.replace(found, noise={**found.noise, "position": noise})  # noqa: E731
+    assert doubts(taken(2e-4)) == []
+    (told,) = doubts(taken(0.002))
+    assert told.startswith("The noise of position is taken as 2 mm, but its readings scatter by 30 µm from")
+    assert "errors below 2 mm is not looked for" in told
+    coarse = {**found.recording.columns, "position": found.recording.columns["position"].round(2)}
+    resting = dataclasses.replace(taken(0.002), recording=dataclasses.replace(found.recording, columns=coarse))
+    assert "hardly scatter" in doubts(resting)[0]
 
 
 def test_a_pattern_of_what_is_left_stands_beside_what_it_depends_on() -> None:

@@ -27,6 +27,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_drag_zooms_all_charts_and_double_click_shows_all(report: Path) -> None:
     with opened(report, **DESK) as shown:
         assert shown.evaluate(RANGE) == pytest.approx(WHOLE)
@@ -61,6 +62,7 @@ def test_charts_share_a_cursor_that_reads_values(report: Path) -> None:
         assert measured == pytest.approx(1e3 * column.measured["position"][row], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_keys_move_zoom_and_reset(report: Path) -> None:
     with opened(report, **DESK) as shown:
         shown.locator(".live").first.focus()
@@ -80,6 +82,7 @@ def test_keys_move_zoom_and_reset(report: Path) -> None:
         assert high - low == pytest.approx(8 * 0.002)
 
 
+@pytest.mark.slow
 def test_buttons_do_the_same(report: Path) -> None:
     with opened(report, **DESK) as shown:
         whole = shown.get_by_role("button", name="whole recording").first
@@ -128,6 +131,7 @@ class Fingers:
         self.send("touchEnd")
 
 
+@pytest.mark.slow
 def test_two_fingers_zoom_all_charts_and_one_moves_them(report: Path) -> None:
     with on_a_phone(report) as (shown, fingers):
         at, height = shown.evaluate("() => scrollY"), 100
@@ -150,6 +154,7 @@ def test_two_fingers_zoom_all_charts_and_one_moves_them(report: Path) -> None:
         assert shown.evaluate("() => [scrollY, visualViewport.scale]") == [at, 1]
 
 
+@pytest.mark.slow
 def test_a_finger_up_or_down_a_chart_scrolls_the_page(report: Path) -> None:
     with on_a_phone(report) as (shown, fingers):
         fingers.move([(0.4, 100), (0.6, 100)], [(0.3, 100), (0.7, 100)])
@@ -160,6 +165,7 @@ def test_a_finger_up_or_down_a_chart_scrolls_the_page(report: Path) -> None:
         assert shown.evaluate(RANGE) == zoomed
 
 
+@pytest.mark.slow
 def test_a_double_tap_shows_all_and_a_tap_reads_values(report: Path) -> None:
     with on_a_phone(report) as (shown, fingers):
         fingers.move([(0.4, 100), (0.6, 100)], [(0.2, 100), (0.8, 100)])
@@ -192,6 +198,7 @@ def test_a_phone_needs_no_sideways_scrolling(report: Path) -> None:
         assert shown.evaluate(label) == '"fitted"'
 
 
+@pytest.mark.slow
 def test_on_paper_there_are_the_still_pictures_in_light(report: Path) -> None:
     with opened(report, **{**DESK, "color_scheme": "dark"}) as shown:
         paper = "() => getComputedStyle(document.body).backgroundColor"

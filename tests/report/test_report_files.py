@@ -24,6 +24,7 @@ from jaxmuscle.report.page import page
 from jaxmuscle.report.report_files import fitted_card, result, write
 
 
+@pytest.mark.slow
 def test_three_files(tmp_path: Path) -> None:
     outcome, folder = diagnosis("effects found"), tmp_path / "new" / "out"
     files = write(outcome, folder)
@@ -33,6 +34,7 @@ def test_three_files(tmp_path: Path) -> None:
     assert (folder / "report.html").read_text(encoding="utf-8") == page(outcome)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_writes_them_itself(tmp_path: Path) -> None:
     outcome = diagnosis("effects found")
     files = outcome.report(tmp_path / "own")
@@ -237,6 +239,7 @@ def test_what_is_not_confirmed_is_no_effect_of_the_result_and_told_in_the_card()
     assert "load friction: not confirmed" in fitted_card(contradicted).description
 
 
+@pytest.mark.slow
 def test_several_recordings_are_named_each() -> None:
     outcome = diagnosis("effects found")
     whole = outcome.recording
