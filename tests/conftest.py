@@ -61,6 +61,17 @@ def sized_muscles(monkeypatch: pytest.MonkeyPatch):
     del RIGS[rig.rig]
 
 
+@pytest.fixture
+def kept_programs(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that a test starts find what others of this run of the tests have compiled."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # that of all workers
+    monkeypatch.setenv("JAX_ENABLE_COMPILATION_CACHE", "true")
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(folder / "programs"))
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _forget_compiled():
     """Small compiled programs serve the next file, too; all that there are would take tens of gigabytes."""

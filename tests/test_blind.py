@@ -62,6 +62,7 @@ def short(monkeypatch):
         monkeypatch.setitem(blind_recordings.SECONDS, rig, seconds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RANGES)
 def test_every_rig_gives_readings_for_the_columns_of_its_card(rig, short):
     one = drawn(2, rig, 1, True)
@@ -70,6 +71,7 @@ def test_every_rig_gives_readings_for_the_columns_of_its_card(rig, short):
     assert all(np.isfinite(series).all() for series in one.recording.columns.values())
 
 
+@pytest.mark.slow
 def test_what_the_other_effect_can_take_over_is_not_of_its_own():
     """A pressure that reads 4 kPa too little, and a bladder whose threshold is free."""
     threshold = {"bladder_stiffness": {"stiffness": 400.0, "threshold_pressure": 2.5e4}}

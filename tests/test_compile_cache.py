@@ -67,6 +67,7 @@ def entries(folder: Path) -> list[Path]:
     return sorted(folder.rglob(f"*{ENTRY}"))
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing(filled):
     cache, first = filled
     assert first["kept"] > 0 and entries(cache)
@@ -77,6 +78,7 @@ def test_a_second_process_compiles_nothing(filled):
     assert second["result"] == first["result"]
 
 
+@pytest.mark.slow
 def test_broken_entries_are_compiled_anew(filled):
     cache, first = filled
     for number, entry in enumerate(entries(cache)):
@@ -87,6 +89,7 @@ def test_broken_entries_are_compiled_anew(filled):
     assert again["hits"] == 0 and again["result"] == first["result"]
 
 
+@pytest.mark.slow
 def test_processes_may_write_at_once(tmp_path):
     environment = {**CLEAN, "XDG_CACHE_HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path),
                    "HOME": str(tmp_path)}  # fmt: skip
@@ -118,6 +121,7 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path):
     assert computed(tmp_path)["folder"] == "None"
 
 
+@pytest.mark.slow
 def test_a_folder_that_disappears_is_no_obstacle(tmp_path):
     gone = "import shutil; shutil.rmtree(jm.configure().compile_cache)"
     told = computed(tmp_path, f"{SWITCH}; {gone}; open(jm.configure().compile_cache, 'x').close()")
@@ -151,6 +155,7 @@ def test_a_user_who_forbids_it_is_obeyed(tmp_path):
     assert told["folder"] == "None" and not entries(tmp_path)
 
 
+@pytest.mark.slow
 def test_programs_of_another_cpu_have_other_names():
     """JAX names a program by this number, among others."""
     program = (

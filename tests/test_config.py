@@ -107,6 +107,7 @@ def test_options_come_too_late_after_a_computation():
     assert "before JAX computes" in told
 
 
+@pytest.mark.slow
 def test_single_precision_is_refused_where_it_would_spoil_the_answer():
     program = (
         "import jaxmuscle as jm\njm.configure(x64=False)\n"

@@ -39,6 +39,7 @@ def runs(name):
     return pytest.param(name, marks=() if name in QUICK else pytest.mark.slow, id=name)
 
 
+@pytest.mark.usefixtures("kept_programs")
 @pytest.mark.parametrize("name", [runs(name) for name in RUNNING])
 def test_every_block_runs_and_prints_what_stands_below_it(name, tmp_path):
     text = PAGES[name].read_text(encoding="utf-8")

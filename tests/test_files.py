@@ -233,6 +233,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="there, processes cannot be killed by a signal")
 @pytest.mark.parametrize("kind", KINDS)
 def test_killed_at_any_moment(tmp_path, kind):

@@ -18,6 +18,7 @@ from jaxmuscle._linalg import propagator, solve
 A = jnp.array([[-0.1, 1856.7, 0.0], [-1856.7, -70.0, 0.0], [0.0, 0.0, 0.0]])
 
 
+@pytest.mark.slow
 def test_derivative_of_the_matrices():
     def total(w):
         p = propagator(A * w, jnp.asarray(5e-4))

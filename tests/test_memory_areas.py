@@ -28,6 +28,7 @@ def few_left(monkeypatch, tmp_path):
     monkeypatch.setattr(_memory_areas, "MOST", most)
 
 
+@pytest.mark.slow
 @linux
 def test_programs_are_forgotten_where_few_areas_are_left(few_left):
     before = areas()

@@ -6,6 +6,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 import jaxmuscle
 
 ROOT = Path(jaxmuscle.__file__).parent
@@ -34,6 +36,7 @@ print(json.dumps([len(before), len(callables), changed, shadowed]))
 """
 
 
+@pytest.mark.slow
 def test_loading_every_module_hides_no_public_name():
     done = subprocess.run(
         [sys.executable, "-c", LOAD_ALL], capture_output=True, text=True, check=True, cwd=ROOT.parent

@@ -117,6 +117,7 @@ SHOWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SHOWN)
 def test_every_result_has_a_header_and_its_numbers(kind: str) -> None:
     make, told, curves = SHOWN[kind]
@@ -172,12 +173,14 @@ def test_parameters_are_shown_in_units_of_the_right_size() -> None:
     assert values["weights"] == "8 numbers" and values["thresholds"] == "0.5, 1"
 
 
+@pytest.mark.slow
 def test_classes_load_without_figures() -> None:
     code = "import sys, jaxmuscle.simulation.simulate, jaxmuscle.analysis; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
 
 
+@pytest.mark.slow
 def test_a_figure_is_shown_without_pyplot() -> None:
     """Which teaches a notebook to show figures: a first cell that loads the package alone showed a text."""
     code = """

@@ -48,6 +48,7 @@ def test_notebook_is_stored_with_its_outputs(name):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("kept_programs")
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_notebook_runs_and_gives_what_is_stored(name):

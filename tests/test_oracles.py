@@ -235,6 +235,7 @@ def test_bristles_by_hand():
     assert falling.bend == pytest.approx(0.5) and falling.share(1.0) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_short_bristles_are_sharp_friction():
     """Each shorter by four, the lift of 48 mm comes nearer to that under sharp friction by more than two."""
     effects, command = THREADS | {"load_friction": {"force": 20.0}}, strokes()

@@ -28,6 +28,7 @@ def test_equals_oracle(effects):
     assert np.ptp(angle) > np.deg2rad(80)
 
 
+@pytest.mark.slow
 def test_angle_under_measured_pressure_is_the_model_itself():
     """The memory is exact at any step: what the plays make of the samples is all there is."""
     pressure = elbow(CARD, {}, COMMAND, STEP, COMMAND[0], 10)[0]

@@ -39,6 +39,7 @@ def test_joint_ends_where_a_muscle_is_at_its_full_length(difference):
     np.testing.assert_allclose(angle[-100:], np.sign(difference) * largest, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contraction", [0.2, 0.3, 0.4, 0.45])
 def test_a_joint_of_any_range_stays_finite(contraction):
     # The shortened muscle is past its zero force at 0.30, folded up beyond kε = 1 at 2ε0 = 0.8.
@@ -155,6 +156,7 @@ def slack():
     return bench.model("isotonic"), {k: jnp.asarray(v) if k != "effects" else v for k, v in state.items()}
 
 
+@pytest.mark.slow
 def test_slack_muscle_lets_the_mass_fall_freely():
     actuator, state = slack()
     held = Held(jnp.zeros(()), None, {})

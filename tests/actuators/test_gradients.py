@@ -186,9 +186,8 @@ def test_derivative_over_every_parameter(rig):
     assert_close(derivative, np.stack(difference, axis=-1), tolerance, 1e-9, paths, list(SCENES[rig]))
 
 
-@pytest.mark.parametrize(
-    "rig", ["driven", *(pytest.param(rig, marks=pytest.mark.slow) for rig in SCENES if rig != "driven")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("rig", SCENES)
 def test_derivative_over_strengths_at_zero(rig):
     _, paths, scenes, readings, jacobian = machine(rig)
     carried = bench.model(rig, [effect.name for effect in bench.offered(rig)])

@@ -67,6 +67,7 @@ def assert_rich(pressure, position, velocity, dry):
         assert ((velocity == 0) & (position > 0)).sum() > 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SMOOTH)
 def test_equals_oracle(name):
     # From 64 to 128 steps a sample the model moves by up to 5e-4 of the range, because it meets the plate at
@@ -76,6 +77,7 @@ def test_equals_oracle(name):
     assert position < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRY)
 def test_equals_oracle_with_dry_friction(name):
     # Beside the steps (above), what a sticking time of 0.5 ms leaves: 0.14 % of the position's range.
@@ -93,6 +95,7 @@ def test_dry_friction_approaches_the_sharp_law(monkeypatch):
     assert sharper < position / 4
 
 
+@pytest.mark.slow
 def test_fractional_delay_is_close_to_the_true_one():
     # Within an interval the model acts with the mean of the delayed command; the spool (7 ms against a
     # step of 2 ms) averages it anyway.

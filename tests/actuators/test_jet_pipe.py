@@ -102,6 +102,7 @@ def test_every_effect_at_no_strength_changes_nothing_and_has_its_slope():
         assert bool(jnp.isfinite(slopes[output]).all())
 
 
+@pytest.mark.slow
 def test_the_longest_step_is_well_below_the_noise():
     actuator = bench.model("jet-pipe")
     fine = bench.simulated(actuator, track(COMMAND), 32).readings["force"]

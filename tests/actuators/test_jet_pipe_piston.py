@@ -38,6 +38,7 @@ def simulated(actuator):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("card", "tolerance"),
     [
@@ -87,6 +88,7 @@ def test_on_a_stiff_stopper_it_is_the_held_piston():
     np.testing.assert_allclose(other.gain("force", "command"), one.gain("force"), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_supply_pressure_is_an_input():
     free = machine(**SMOOTH)
     begin = jnp.array([1.0, bench.AMBIENT + 5e5])

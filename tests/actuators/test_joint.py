@@ -100,6 +100,7 @@ def test_threads_on_bristles_equal_the_oracle():
     assert bench.deviation(sharp, angle) > 2e-2
 
 
+@pytest.mark.slow
 def test_dry_friction_approaches_the_sharp_law(monkeypatch):
     _, angle = deviations("load_friction")
     monkeypatch.setattr(jaxmuscle.effects.slip, "STICKING_TIME", 1e-4)

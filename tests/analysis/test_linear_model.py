@@ -27,6 +27,7 @@ def at_45_newton(exponent=1.4):
     return linearise(actuator, equilibrium_at(actuator, "force", 45.0, command=1.0))
 
 
+@pytest.mark.slow
 def test_driver_and_jet_pipe_of_table_4_1():
     poles = at_45_newton().poles()[2:]
     assert poles[0] == pytest.approx(-973.9, abs=0.05)
@@ -98,6 +99,7 @@ def test_small_steps_of_the_machine_are_those_of_the_model():
     np.testing.assert_allclose(force - force[0], linear, atol=0.02 * abs(float(linear[-1])))
 
 
+@pytest.mark.slow
 def test_joint_has_the_poles_of_its_parts():
     damping = 0.4
     joint = bench.model("joint", load_damping={"coefficient": damping})
@@ -122,6 +124,7 @@ def lag(zero, poles):
     return LinearModel(a, b, c, jnp.zeros((1, 1)), ("x", "v"), ("u",), ("y",))
 
 
+@pytest.mark.slow
 def test_closed_forms_of_a_small_system():
     model = lag(3.0, (2.0, 50.0))
     np.testing.assert_allclose(model.poles(), [-2.0, -50.0], rtol=1e-12)

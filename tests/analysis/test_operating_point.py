@@ -28,6 +28,7 @@ def test_mass_hangs_where_the_force_of_the_muscle_is_its_weight():
     np.testing.assert_allclose(point.readings, [start["pressure"], strain * 0.3], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_jet_pipe_settles_where_a_long_run_ends():
     command = 1.2
     force = bench.simulated(JET, bench.track("jet-pipe", np.full(SAMPLES, command)), 2).readings["force"][-1]
@@ -45,6 +46,7 @@ def test_a_force_that_is_asked_for_is_reached(force):
     np.testing.assert_allclose(again.readings, point.readings, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_derivatives_follow_the_implicit_function_theorem():
     def force(values):
         return equilibrium(replace(JET, {"pipe.compliance": values[0]}), values[1]).readings[1]

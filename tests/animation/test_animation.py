@@ -114,6 +114,7 @@ def test_every_sample_moves(name: str) -> None:
     assert not pictures_differ(still)
 
 
+@pytest.mark.slow
 def test_a_simulation_moves_with_its_machine() -> None:
     times = np.arange(0, 0.4, 2e-3)
     command = 101325 + 3e5 * np.sin(4 * times) ** 2
@@ -157,6 +158,7 @@ def test_files(tmp_path: Path) -> None:
         moving.save(tmp_path / "lift.html" / "frames")
 
 
+@pytest.mark.slow
 def test_the_player_plays_and_pauses(tmp_path: Path) -> None:
     file = jm.animate(short("lift"), frames=5).save(tmp_path / "lift.html")
     with opened(file, viewport={"width": 400, "height": 700}) as shown:

@@ -55,6 +55,7 @@ def run(
     return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_without_a_recording_the_sample_is_diagnosed(
     run: Run, tmp_path: Path, asked: list[Recording]
 ) -> None:
@@ -87,6 +88,7 @@ def test_card_can_be_named(run: Run, tmp_path: Path, asked: list[Recording]) -> 
     assert asked[0].card.known["mass"].value == 9
 
 
+@pytest.mark.slow
 def test_rows_can_be_ignored_and_held_out(
     run: Run, asked: list[Recording], settings: list[dict[str, Any]]
 ) -> None:
@@ -228,6 +230,7 @@ def test_options_that_several_recordings_do_not_take(
     assert outcome.exit_code == 2 and told in outcome.stderr and asked == []
 
 
+@pytest.mark.slow
 def test_one_card_for_all(run: Run, runs: tuple[Path, Path], asked: list[Recording]) -> None:
     runs[1].with_suffix(".toml").unlink()
     assert run("diagnose", *runs, "--card", "first.toml").exit_code == 0

@@ -290,6 +290,7 @@ def test_every_controller_of_a_joint_is_tuned_from_the_command_line(run: Run, na
     assert ("designed on the linearised machine" in page) == (name == "lqg")
 
 
+@pytest.mark.slow
 def test_gains_of_other_controllers_may_be_given() -> None:
     joint = jm.actuator(Card.read(SWING))
     task = Task(joint, 0.3, 0.004)

@@ -153,6 +153,7 @@ SAID = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disk", DISKS)
 def test_disks_that_take_nothing(folder: Path, disk: str) -> None:
     namespace = ["unshare", "--user", "--map-root-user", "--mount"]

@@ -36,6 +36,7 @@ def test_torque_is_that_of_two_muscles():
         assert float(ours) == pytest.approx(float(theirs), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_two_muscles():
     def closed(values, draw):
         k = antagonist.coefficients(McKibben(*values[:4]), values[4], values[5])

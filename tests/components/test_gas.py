@@ -103,6 +103,7 @@ def test_slopes_through_a_closed_hole():
     np.testing.assert_array_equal(gradient(0.0, UP, UP, 293.15), 0.0)
 
 
+@pytest.mark.slow
 def test_slopes_have_no_nan_in_a_batch_of_all_forms():
     ratios = jnp.array(
         [0.0001, CRITICAL_RATIO, 0.7, LAMINAR_RATIO, 1.0, 1 / LAMINAR_RATIO, 2.0, 1 / CRITICAL_RATIO]

@@ -130,6 +130,7 @@ def test_its_gains_are_those_of_the_controller_within():
     assert float(other.controller.integral) == 0.3 and float(other.period) == 0.02
 
 
+@pytest.mark.slow
 def test_a_delay_of_a_scenario_is_one_of_the_machine():
     late = fan().with_effects(command_delay=built(CommandDelay, 0.005))
 

@@ -40,6 +40,7 @@ def error(machine, controller, wanted, times, **settings):
     return float(jnp.sqrt(jnp.mean((run.readings[reading] - wanted) ** 2)))
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_the_fan_at_rest():
     # k (u0 + u) = d ω² with u0 of one volt; at no voltage the fan does not come to rest in finite time.
     table = model_inverse(fan())
@@ -52,6 +53,7 @@ def test_the_table_is_that_of_the_fan_at_rest():
         assert float(table.update(None, beyond, STEP)[1]) == float(table.outputs[end])
 
 
+@pytest.mark.slow
 def test_where_the_machine_ends_the_table_does():
     # The muscles of a joint reach their ends long before the pressures do.
     joint = robot_joint(0.64)
@@ -60,11 +62,13 @@ def test_where_the_machine_ends_the_table_does():
     assert float(table.outputs[-1]) < 2e5 and bool((jnp.diff(table.readings) > 0).all())
 
 
+@pytest.mark.slow
 def test_the_dead_zone_of_a_valve_is_left_out():
     force = model_inverse(bench.model("jet-pipe"), (-0.4, 0.4), points=17)
     assert float(force.readings[0]) == pytest.approx(3.0, abs=1e-3) and float(force.outputs[0]) > -0.1
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_finite_differences():
     @jax.jit
     def output(both):
@@ -80,6 +84,7 @@ def test_slopes_are_those_of_finite_differences():
     assert float(slopes[0]) == pytest.approx(1e-7 * 213.0**2 / 0.01, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_model_is_followed_more_closely():
     start = {"speed": 160.0}
     alone = error(fan(), PI_GAINS, WAVE, TIMES, start=start)
@@ -94,6 +99,7 @@ def test_the_model_is_followed_more_closely():
     assert found[0] < 0.85 * alone and found[1] < 0.6 * alone and found[2] < 0.3 * alone
 
 
+@pytest.mark.slow
 def test_a_joint_is_followed_more_closely():
     joint, times = robot_joint(0.64, friction=False), 2e-3 * np.arange(700)
     wanted, start = 0.3 * np.sin(2 * times), {"pressure": np.full(2, 351e3)}
@@ -129,6 +135,7 @@ def elbow_inverse(elbow):
     return built(IntegralInverse, elbow.hysteresis, 1.0 / (5e-6 * 1e-2))
 
 
+@pytest.mark.slow
 def test_hysteresis_is_taken_out_of_the_way():
     elbow, times = bench.model("elbow"), 1e-2 * np.arange(400)
     pid, wanted = built(PID, 1e5, 3e5), 0.5 + 0.3 * np.sin(2 * times)
@@ -185,6 +192,7 @@ def test_an_inverse_that_is_integrated_goes_no_further_than_the_limit():
     assert float(output) > 1e5 and float(held.inverse.value) == 1e5
 
 
+@pytest.mark.slow
 def test_share_and_feedback_are_tuned():
     drawn = jm.tuning.grid(WAVE[:120], TIMES[:120], {"inertia": [2e-4, 3e-4]}, start={"speed": 160.0})
     both = built(FeedForward, model_inverse(fan()), PI_GAINS)

@@ -93,6 +93,7 @@ def test_integral_removes_the_error_at_rest():
     assert abs(float(step_answer(FUZZY, load=-5.0)[-1])) < 1e-3
 
 
+@pytest.mark.slow
 def test_derivatives_equal_finite_differences():
     paths = [path for path in parameters(FUZZY) if path not in ("limit", "table")]
 
@@ -108,6 +109,7 @@ def test_derivatives_equal_finite_differences():
         assert float(slope[i]) == pytest.approx(float(difference), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_slope_at_a_rule_lies_between_both_sides_and_none_is_missing():
     slope = jax.grad(FUZZY.answer)
     sides = [float(slope(2 * RANGE / 3 + s * 1e-6, RATE / 3)) for s in (-1, 1)]

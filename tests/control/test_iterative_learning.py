@@ -135,6 +135,7 @@ def test_what_is_smoothed_does_not_learn_noise():
     assert np.diff(smooth).std() < 0.3 * np.diff(rough).std()
 
 
+@pytest.mark.slow
 def test_slopes_through_repetitions_are_those_of_finite_differences():
     plant = repeated(fan(), TIMES[:40], start={"speed": REST})
 

@@ -106,6 +106,7 @@ def test_behind_a_limit_nothing_winds_up(designed):
     assert float(designed.start().integral) == 0.0 and bool(jnp.isfinite(found.readings["speed"]).all())
 
 
+@pytest.mark.slow
 def test_it_is_tuned_like_any_other(designed):
     practice = jm.tuning.grid(np.where(TIMES < 0.5, 111.8, 125.0), TIMES, {"drag": [6e-7, 8e-7]}, start=IDLE)
     tuned = jm.tune(fan(), designed, practice, {"tracking": 1.0, "variation": 20.0}, starts=1)

@@ -60,6 +60,7 @@ def test_a_controller_that_plays_a_command_is_open_loop(delay, substeps):
         np.testing.assert_allclose(closed.readings[name], values, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["elbow", "jet-pipe"])
 def test_rigs_with_one_command(rig):
     samples, machine = 60, bench.model(rig)
@@ -71,6 +72,7 @@ def test_rigs_with_one_command(rig):
         np.testing.assert_allclose(closed.readings[name], values, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_delay_sees_the_commands_that_were_given():
     # In open loop the same machine under the recorded commands gives the same motion, and not without delay.
     delayed = JOINT.with_effects(command_delay=built(CommandDelay, 0.0157))

@@ -47,6 +47,7 @@ def test_the_plan_is_that_of_another_optimiser():
     assert float(output) == pytest.approx(other.x[0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_model_is_followed_as_closely_as_it_sees_ahead():
     pid, _ = run(fan(), built(PID, 0.05, 0.1), WAVE)
     found, _ = run(fan(), PLANNED, WAVE)

@@ -127,6 +127,7 @@ def test_gradient_over_every_number_equals_finite_differences():
         )
 
 
+@pytest.mark.slow
 def test_the_joint_of_a_linearised_machine():
     joint, mean = robot_joint(0.64), 2.5e5
 
@@ -150,6 +151,7 @@ def test_a_joint_that_falls_over_is_told():
         joint_model(upright)
 
 
+@pytest.mark.slow
 def test_a_rig_without_an_angle_is_told():
     with pytest.raises(InputError, match="expected a rig with the states angle and angular_velocity"):
         joint_model(bench.model("jet-pipe"))

@@ -73,6 +73,7 @@ def test_a_part_of_a_sample_delays_by_a_part_of_it():
     assert with_it.stable and with_it.modulus == pytest.approx(without.modulus, rel=0.05)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_finite_differences():
     model, response = machine_response(fan(), STEP, feedback_on(fan(), built(PID, 0.4)))
 

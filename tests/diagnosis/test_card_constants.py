@@ -218,6 +218,7 @@ def test_a_constant_within_three_standard_deviations_is_doubted(diagnosis):
     assert doubted([unsure], {found.name: ("braid_angle",)}).keys() == {found.name}
 
 
+@pytest.mark.slow
 def test_nothing_is_tried_where_the_card_is_not_to_be_doubted():
     recording = driven_recording({}, driven_card({}, braid_angle=1.2 * ANGLE), seed=3, seconds=8.0)
     found = jm.diagnose(recording, catalogue=(), constants=False)

@@ -37,6 +37,7 @@ def lift():
     return diagnosis, messages
 
 
+@pytest.mark.slow
 def test_lift_lacks_load_friction(lift):
     diagnosis, _ = lift
     assert diagnosis.verdict == "effects found"
@@ -47,6 +48,7 @@ def test_lift_lacks_load_friction(lift):
     assert LEAST_GAIN[SIGN_FLIPS] < first.gain <= 1.0
 
 
+@pytest.mark.slow
 def test_lift_strength(lift):
     force = lift[0].effects[0].parameters["force"]
     assert force.unit == "N"
@@ -55,6 +57,7 @@ def test_lift_strength(lift):
     assert force.std < 0.05 * MASS_FRICTION
 
 
+@pytest.mark.slow
 def test_lift_held_out_error_falls_to_the_noise(lift):
     diagnosis, _ = lift
     before, after = (part["held_out"]["position"] for part in (diagnosis.before, diagnosis.after))
@@ -64,6 +67,7 @@ def test_lift_held_out_error_falls_to_the_noise(lift):
     assert diagnosis.held_out_fraction == pytest.approx(0.3, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_lift_errors_are_those_of_its_traces(lift):
     traces, after = lift[0].traces, lift[0].after
     for part, rows in (("training", ~traces.held_out), ("held_out", traces.held_out)):
@@ -71,6 +75,7 @@ def test_lift_errors_are_those_of_its_traces(lift):
         assert after[part]["position"].rmse == pytest.approx(np.sqrt(np.mean(error**2)))
 
 
+@pytest.mark.slow
 def test_lift_model_differs_by_what_was_found(lift):
     diagnosis, _ = lift
     assert set(diagnosis.declared.effects) == {"thread_friction"}
@@ -83,6 +88,7 @@ def test_lift_model_differs_by_what_was_found(lift):
     assert {"valve_area", "end_factor"} < set(diagnosis.parameters)
 
 
+@pytest.mark.slow
 def test_lift_runners_up(lift):
     """Every other effect of the rig, best first, and none of them as good."""
     diagnosis, messages = lift
@@ -98,6 +104,7 @@ def test_lift_runners_up(lift):
     assert any("load_friction" in str(message) for message in messages)
 
 
+@pytest.mark.slow
 def test_nothing_is_missing():
     diagnosis = diagnose(
         driven_recording({"thread_friction": bench.THREADS}, driven_card(bench.THREADS), seed=3)

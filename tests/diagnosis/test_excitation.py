@@ -51,6 +51,7 @@ def offered(recording):
     return {effect.name for effect in excited(prepared, bare, missing(bare, CATALOGUE))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("position_noise", [0.0, 2e-5])
 def test_an_isometric_test_excites_no_friction_hysteresis_or_creep(position_noise):
     found = offered(isometric(0.02, position_noise=position_noise))
@@ -58,6 +59,7 @@ def test_an_isometric_test_excites_no_friction_hysteresis_or_creep(position_nois
     assert {"pressure_dependent_ends", "force_sensor_lag"} <= found
 
 
+@pytest.mark.slow
 def test_several_lengths_excite_what_depends_on_the_length_alone():
     """But not what needs a motion while it is watched."""
     found = offered(isometric(0.01, 0.03, 0.05, rows=300))

@@ -38,6 +38,7 @@ def test_parts_keep_so_many_samples_that_errors_have_time_to_grow() -> None:
     assert parts_of_a_window(0, 5000) == ALL_PARTS, "a recording without a training window is told elsewhere"
 
 
+@pytest.mark.slow
 def test_nothing_is_tried_where_all_that_is_left_waits_for_something_else() -> None:
     """A rig with few effects came to the end of them and stopped with an error."""
     prepared = case(jm.read(jm.sample("lift")).part(0, 2000), 0.3)

@@ -102,6 +102,7 @@ def test_everything_read_later_leaves_what_nothing_read_later_does():
     assert left(between["angle"]) < 0.2 * left(made.residuals(late(2.5 * STEP), problem)["angle"])
 
 
+@pytest.mark.slow
 def test_everything_read_later_leaves_less_of_what_a_model_lacks():
     """With nothing explained."""
     made, problem, late = ready(2, inertia=0.8, shaken=30.0)

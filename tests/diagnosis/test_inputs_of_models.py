@@ -27,6 +27,7 @@ def benches():
     return as_measured, dataclasses.replace(as_measured, predicting=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [RIGHT, QUICKER])
 def test_a_model_has_its_own_inputs(benches, model):
     as_measured, predicting = benches

@@ -51,6 +51,7 @@ def concluded(prepared, monkeypatch, failing):
     return last
 
 
+@pytest.mark.slow
 def test_an_effect_with_which_the_last_fit_fails_is_taken_out(prepared, monkeypatch):
     last = concluded(prepared, monkeypatch, {"creep"})
     outcome, refused = last.outcome, last.refused

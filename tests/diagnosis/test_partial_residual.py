@@ -94,6 +94,7 @@ def test_a_hysteresis_is_a_loop_that_closes_with_it():
     assert gaps[0] > 5 * NOISE and abs(gaps[1]) < 0.5 * NOISE
 
 
+@pytest.mark.slow
 def test_a_dead_band_is_shown_against_the_command():
     machine, step = bench.model("isotonic"), bench.STEPS["isotonic"]
     command = bench.isotonic_command()

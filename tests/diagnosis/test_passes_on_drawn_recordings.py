@@ -9,14 +9,12 @@ import pytest
 import jaxmuscle as jm
 from jaxmuscle.effects import (
     Backlash,
-    BladderStiffness,
     ChamberLeak,
     DeadVolume,
     Gravity,
     LengthHysteresis,
     LoadDamping,
     MuscleMismatch,
-    PressureDependentEnds,
     SupplyDroop,
     ThreadFriction,
 )
@@ -26,13 +24,6 @@ from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
 pytestmark = pytest.mark.slow
-
-
-NAMES = (
-    "thread_friction", "load_friction", "creep", "length_hysteresis", "bladder_stiffness", "chamber_leak",
-    "pressure_dependent_ends", "command_delay", "gravity", "muscle_mismatch", "load_damping",
-)  # fmt: skip
-"""Effects that the recording may have been drawn from."""
 
 
 def sought_among(monkeypatch, usual, rarer=()):
@@ -58,20 +49,6 @@ def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatc
     # The same sprocket with its phase half a turn on has the other sign.
     assert abs(abs(eccentricity.value) - true["eccentricity"]) < 2 * eccentricity.std
     assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
-
-
-def test_a_rough_bearing_is_found_and_its_joint_fitted(monkeypatch):
-    """Without its bristles the same recording is fitted with an end factor that is 3 deviations off."""
-    sought_among(monkeypatch, [BladderStiffness, LengthHysteresis, PressureDependentEnds, LoadDamping])
-    blind = drawn(9, "joint", 1, False, NAMES)
-    assert blind.bristles > 0
-    found = jm.diagnose(beginning(blind, 0.7), constants=False)
-    assert {effect.name for effect in found.effects} == {"presliding", *blind.truth}
-    values = {name: entry.value for name, entry in found.parameters.items()}
-    for name in ("end_factor", "inertia", "regulator_frequency"):
-        assert values[name] == pytest.approx(blind.machine[name], rel=0.03), name
-    assert found.after["held_out"]["angle"].rmse < 0.3 * found.before["held_out"]["angle"].rmse
-    assert not found.violated_priors
 
 
 def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(monkeypatch):

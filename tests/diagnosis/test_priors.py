@@ -64,6 +64,7 @@ def recording():
     )
 
 
+@pytest.mark.slow
 def test_a_model_that_lacks_friction_is_not_bent_away_from_its_card(recording):
     """By the noise of the sensor alone the mass goes far beyond what the card allows."""
     mean, std = 1.1 * MASS, 0.05 * MASS

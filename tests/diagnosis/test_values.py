@@ -115,6 +115,7 @@ def test_priors_do_not_hold_constants_against_an_error_as_long_as_the_recording(
     assert own.farthest_from_card(found.model) < 2.5
 
 
+@pytest.mark.slow
 def test_a_card_that_is_sure_of_everything_is_diagnosed_and_reported(tmp_path):
     recording = driven_recording({}, driven_card({}), seconds=8.0)
     sure = {name: (quantity.value, None) for name, quantity in recording.card.uncertain.items()}

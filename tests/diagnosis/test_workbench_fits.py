@@ -75,6 +75,7 @@ def test_recovers_the_parameters(prepared, start):
     assert lane.cost == pytest.approx(0.5 * (samples - 5), abs=4 * np.sqrt(samples / 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [2, len(PATHS) + 4])
 def test_tangents_of_a_program_change_nothing(prepared, width):
     exact, lane = fitted(prepared, STARTS["mixed"])
@@ -136,6 +137,7 @@ def test_one_program_for_every_choice(prepared):
     assert programs() == before > 0
 
 
+@pytest.mark.slow
 def test_what_one_bench_has_fitted_serves_another_with_other_candidates(prepared):
     """Also a bench that seeks constants: candidates that are not in a model change nothing in it."""
     ends, memory = effects.PressureDependentEnds, Checkpoint(None)

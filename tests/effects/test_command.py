@@ -70,6 +70,7 @@ def test_play_of_a_spool_is_the_play_operator():
     np.testing.assert_allclose(followed(jnp.asarray(0.4), jnp.asarray(commands)), expected, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_width", [0.0, 0.4])
 def test_slopes_of_the_play_at_rest_at_reversals_and_of_no_width(half_width):
     commands = jnp.asarray([0.3, 0.3, 1.5, 1.5, 0.1, -0.9, -0.9, 2.0])
@@ -86,6 +87,7 @@ def test_slopes_of_the_play_at_rest_at_reversals_and_of_no_width(half_width):
     assert np.isfinite(over).all()
 
 
+@pytest.mark.slow
 def test_a_spool_keeps_to_its_rate_and_arrives():
     command = np.concatenate([np.zeros(5), np.full(120, 4.0)])
     machine = bench.model("isotonic", rate_limit={"inverse_rate": 1 / 40})
@@ -97,6 +99,7 @@ def test_a_spool_keeps_to_its_rate_and_arrives():
     assert reached[5 + 40] == pytest.approx(40 * (40 * STEP - lag), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_regulated_pressure_keeps_to_its_rate():
     rate, command = 1.5e6, np.full((400, 2), bench.AMBIENT + 4e5)
     command[:5] = bench.AMBIENT + 1e5
@@ -139,6 +142,7 @@ def test_in_a_step_of_no_length_nothing_is_limited():
     assert float(means[0]) == 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inverse_rate", [0.0, 0.004, 1 / 60, 0.1])
 def test_slopes_of_the_limited_rate(inverse_rate):
     step = 0.01

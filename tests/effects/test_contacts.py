@@ -77,6 +77,7 @@ def built_up(limits, shares, ratio, distance, damping_time=5e-4):
     return found
 
 
+@pytest.mark.slow
 def test_contacts_side_by_side_share_the_friction_of_both():
     limits, shares, ratio, distance, mass = [3.0, 1.0], [0.2, 0.9], [2.0, 1.0], 1e-3, 5.0
     both = built_up(limits, shares, ratio, distance)
@@ -106,6 +107,7 @@ def test_damping_of_contacts_adds_up():
     assert float(slope) == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]])
 def test_a_contact_that_a_machine_does_not_have_takes_no_part(limits):
     def share(limits):
@@ -148,6 +150,7 @@ def test_a_lift_on_bristles_has_slopes_over_distance_and_limits():
     np.testing.assert_allclose(slopes, np.stack(differences, -1), atol=2e-3 * np.abs(slopes).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocities", [(0.0, 0.0), (0.01, -0.01), (0.01, 0.0), (0.0, 0.01), (1e-12, -3e-12)])
 def test_bristles_have_slopes_where_the_motion_begins_rests_and_turns_round(velocities):
     before, after = velocities

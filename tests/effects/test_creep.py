@@ -66,6 +66,7 @@ def test_takes_energy_in_a_cycle_and_a_resistance_that_builds_up_gives_it(hertz)
     assert work(viscoelastic_creep=CREEP) == pytest.approx(-work(creep=CREEP), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [Creep, ViscoelasticCreep])
 def test_slopes_at_rest_and_in_motion(kind):
     def force(values, strain):

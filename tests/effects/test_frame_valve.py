@@ -36,12 +36,14 @@ def way(*corners):
     return np.interp(legs, np.arange(len(corners)), corners)
 
 
+@pytest.mark.slow
 def test_major_loop_is_as_wide_as_declared():
     path = way(-1.0, 1.0, -1.0)
     ends = WIDTH * (1 - path**2) * np.where(np.arange(len(path)) < 120, -1, 1)
     np.testing.assert_allclose(additions(path), ends, atol=1e-3 * WIDTH)
 
 
+@pytest.mark.slow
 def test_minor_loops_are_those_of_the_rule():
     path = way(-1.0, 0.6, -0.3, 0.2, -0.8, 1.2, 0.0)
     rule = np.asarray(respond(major_loop(), np.clip(path, -1, 1))[1])
@@ -49,6 +51,7 @@ def test_minor_loops_are_those_of_the_rule():
     np.testing.assert_allclose(additions(path), expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_strength_scales_it_and_zero_is_nothing():
     path = way(-1.0, 0.6, -0.3, 0.2)
     assert not np.any(additions(path, 0.0))

@@ -58,6 +58,7 @@ def test_droop_below_is_a_few_per_cent_too_large(pressure):
     assert exact <= -float(droop(2e7, pressure)) < 1.06 * exact
 
 
+@pytest.mark.slow
 def test_no_droop_while_nothing_is_drawn():
     for pressure, opening in ((3e5, 0.0), (3e5, -1.0), (SUPPLY + 1e5, 1.0), (SUPPLY, 1.0)):
         assert float(droop(2e7, pressure, opening)) == 0
@@ -107,6 +108,7 @@ def test_slopes_of_the_line(time_constant):
     np.testing.assert_allclose(slope, difference, rtol=1e-4, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["isotonic", "jet-pipe"])
 def test_dead_volume_slows_the_pressure_in_proportion(rig):
     from effects.test_zero_strength import drawn, held

@@ -205,6 +205,7 @@ def test_two_coupled_joints_in_balance_stay_there():
     )
 
 
+@pytest.mark.slow
 def test_slopes_of_coupled_joints_are_finite():
     matrix = jnp.array([[0.05, 0.02], [0.02, 0.03]])
 

@@ -199,6 +199,7 @@ def test_a_declared_error_leaves_nothing_in_any_link(name, clean):
         assert left < clean[link] + 0.15 * without[link] + 0.1, (link, clean, declared, without)
 
 
+@pytest.mark.slow
 def test_nothing_changes_at_zero_strength_to_the_last_bit():
     machine, recording = lifted()
     problem, loaded = case(recording, 0.0).problem, with_all(machine)
@@ -252,6 +253,7 @@ def test_rates_are_those_of_the_corrected_states():
     np.testing.assert_allclose(late["velocity"][:-2], v[2:], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_offset_that_a_fit_moves_is_the_same_thing():
     machine, recording = lifted(sensor_offset_pressure=3e3)
     problem = case(recording, 0.0).problem
@@ -282,6 +284,7 @@ def test_a_simulation_shows_what_its_sensors_show():
         np.testing.assert_array_equal(shown[other], true[other])
 
 
+@pytest.mark.slow
 def test_a_run_of_a_recording_begins_at_the_true_state():
     """A test machine imposes pressure and position as they were shown; the force is that of the true ones."""
     machine, motion = bench.model("driven"), bench.driven_motion()
@@ -303,6 +306,7 @@ class Proportional(eqx.Module):
         return state, bench.AMBIENT + 2.5e5 + 1e5 * (wanted - readings["angle"]) * jnp.array([1.0, -1.0])
 
 
+@pytest.mark.slow
 def test_a_controller_sees_what_the_sensors_show():
     """Offset and drift, but not that the instants of a column are written down late."""
     machine, clock = bench.model("joint"), np.arange(150) * STEP

@@ -114,6 +114,7 @@ def test_what_is_smoothed_for_other_ends_stays(lift):
     assert spread[0] > 2 * spread[1]
 
 
+@pytest.mark.slow
 def test_a_prediction_begins_there_and_its_inputs_are_the_smoothed_ones(lift):
     """Of the first row of a window a reading is what the past tells; parts of windows begin so, too."""
     past, both = (begun_from(lift, state_from, 0.3) for state_from in ("past", "both"))
@@ -134,6 +135,7 @@ def test_what_a_bench_imposes_is_known_from_both_sides(driven):
     assert not begun_from(driven, "past").problem.track.start_errors
 
 
+@pytest.mark.slow
 def test_the_past_of_a_run_begins_with_it(lift):
     """Across a break nothing is told."""
     twice = joined([lift.part(0, 1000), lift.part(3000, 4000)], "twice")
@@ -146,6 +148,7 @@ def test_the_past_of_a_run_begins_with_it(lift):
     assert begun == pytest.approx(twice.columns["position"][1000], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_weights_allow_for_what_the_past_does_not_know(lift):
     """By the uncertain velocity a prediction is off at its end by more than when both sides tell it."""
     variances = []

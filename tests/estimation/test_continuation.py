@@ -63,6 +63,7 @@ def test_the_width_is_a_factor_of_the_sticking_time():
     assert slip_of_velocity(jnp.asarray(5e-5)) == jnp.tanh(0.5)
 
 
+@pytest.mark.slow
 def test_at_factor_one_nothing_changes_and_at_a_large_one_friction_creeps(recording):
     """The gradient by the width is finite too: it is data, one compilation serves all of them."""
     place = station(drive(), recording, "drive", None, {})

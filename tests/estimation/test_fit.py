@@ -32,6 +32,7 @@ def test_recovers_from_bad_starts(off):
     assert all(result.std[name] < 0.01 * true for name, true in TRUE.items())
 
 
+@pytest.mark.slow
 def test_every_start_reaches_the_minimum_and_the_noise():
     shaken = pulled(threads=True)
     result = fitted(shaken, starts=6, seed=3)
@@ -70,6 +71,7 @@ def test_offset_of_an_imposed_sensor(recording):
     assert result.parameters["offset.position"].unit == "m"
 
 
+@pytest.mark.slow
 def test_two_recordings_with_an_offset_each():
     """Different lengths in time; each load cell has its own zero."""
     short = pulled(1, seconds=6.0, extra=7.0, name="short")

@@ -136,6 +136,7 @@ def test_fits_again_from_where_it_ended(result, loaded, recordings):
     assert again.samples == result.samples
 
 
+@pytest.mark.slow
 def test_goes_on_from_the_values_of_each_recording(result, loaded, recordings):
     again = loaded.refit(recordings[::-1], masks=None, steps=1)
     (start,) = again.starts

@@ -106,6 +106,7 @@ def test_creep_that_is_not_at_rest(creeping, tmp_path):
     assert again.cost == pytest.approx(fit.cost, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_each_recording_has_its_own(creeping):
     machine, recording = creeping
     other = dataclasses.replace(crept(1), name="other")

@@ -52,6 +52,7 @@ def test_scores_are_what_the_gradient_changes_by():
         np.testing.assert_allclose(own.sum(axis=0), 0.5 * (one - other), rtol=0.1)
 
 
+@pytest.mark.slow
 def test_what_is_imposed_begins_no_window():
     """A bench that draws the muscle imposes its velocity at every sample."""
     recording = pulled()

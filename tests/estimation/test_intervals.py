@@ -51,6 +51,7 @@ def test_a_profile_ends_at_a_bound(recording, result):
     np.testing.assert_allclose(heights[[0, -1]], curve.deviance[[0, -1]], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_profile_without_time_or_steps_has_no_points():
     """One that is only on its way would look too steep."""
     for how in ({"budget": 0.0}, {"steps": 1}):

@@ -36,6 +36,7 @@ def test_what_acts_on_what():
     np.testing.assert_array_equal(second.reached(list(traced.acting)), [[1, 0, 0, 1], [1, 1, 1, 0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True])
 def test_slopes_are_those_of_the_whole(compiled):
     def chained(values):

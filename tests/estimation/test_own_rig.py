@@ -44,6 +44,7 @@ def test_a_fit_needs_no_registration(result):
     )
 
 
+@pytest.mark.slow
 def test_the_error_of_the_solver_is_taken_off(result, monkeypatch):
     """At steps of 10 ms, the rig's longest, a parameter is off by more than what it is known to."""
 

@@ -112,6 +112,7 @@ def test_all_sizes_follow_from_the_rows(lift, breaks):
     assert len(sizes) == 1
 
 
+@pytest.mark.slow
 def test_lengths_of_one_size_share_a_program(lift):
     traced = []
 

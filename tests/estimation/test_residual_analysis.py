@@ -1,6 +1,7 @@
 """Tests of residuals: white ones pass as often as they should, those that follow the input do not."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from jaxmuscle.estimation.residual_analysis import Series, independence, whiteness
@@ -36,6 +37,7 @@ def test_residuals_that_follow_the_input():
     assert found.lags[np.argmax(found.correlation)] == 4
 
 
+@pytest.mark.slow
 def test_independent_residuals_pass_white_or_not():
     rng = np.random.default_rng(1)
     passed = []

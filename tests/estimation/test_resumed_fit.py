@@ -79,6 +79,7 @@ def test_it_ends_with_the_same_numbers_and_evaluates_no_point_twice(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [({"seed": 1}, "other settings"), ({"loss": "huber"}, "other"), ({"free": ["mass"]}, "other settings")],

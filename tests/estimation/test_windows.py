@@ -97,6 +97,7 @@ def by_row(prepared, values):
     return series
 
 
+@pytest.mark.slow
 def test_residuals_are_those_of_the_oracle_in_units_of_noise(prepared):
     wrong = driven(bench.CARDS["driven"], {}, *smooth_motion(SECONDS))
     expected = (wrong - prepared.recording.columns["force"]) / NOISE

@@ -15,6 +15,7 @@ RULE = frame_rule()
 INPUTS, UP, DOWN = (np.asarray(table) for table in (RULE.inputs, RULE.rising, RULE.falling))
 
 
+@pytest.mark.slow
 def test_goes_round_the_major_loop():
     _, loop = outputs(RULE, -1.5, 1.5, -1.5, samples=120)
     np.testing.assert_allclose(loop[:121], UP, atol=1e-12)

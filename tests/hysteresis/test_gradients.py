@@ -60,6 +60,7 @@ def test_over_every_parameter(name):
     np.testing.assert_allclose(single, slopes[2], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["classical", "modified"])
 def test_backward_mode_is_forward_mode(name):
     vector, unpacked, _ = packed(MODELS[name])
@@ -86,6 +87,7 @@ def test_on_a_kink_the_slope_lies_between_the_two_sides(memory):
     assert 0 <= slope <= 1
 
 
+@pytest.mark.slow
 def test_dahl_at_a_standstill_and_beyond():
     z = jnp.asarray(0.3)
     for move in (-0.1, 0.1):
@@ -96,6 +98,7 @@ def test_dahl_at_a_standstill_and_beyond():
     assert np.isfinite(np.array(still(jnp.zeros(3), jnp.asarray(0.2)))).all()
 
 
+@pytest.mark.slow
 def test_bristles_under_a_changing_limit_have_slopes_at_a_standstill_and_beyond():
     def bend(values):
         return dahl_between_limits(*values)

@@ -58,6 +58,7 @@ def test_envelopes_are_found_again_under_noise(model):
         assert float(get(found.model, path)) == pytest.approx(float(get(model, path)), abs=0.03), path
 
 
+@pytest.mark.slow
 def test_table_2_is_refitted_to_the_noise_where_the_classical_model_fails():
     inputs = way((0.0, 6.0, 0.0, 6.0, 0.0), 40)
     truth = np.array(modified(inputs, TABLE_2, 10))

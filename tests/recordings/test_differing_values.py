@@ -106,6 +106,7 @@ def test_it_is_simulated_as_each_by_itself(whole, parts):
             np.testing.assert_allclose(together[column][rows], values, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_goes_on_from_a_state_with_a_late_command(whole):
     delay = bench.built(jm.effects.CommandDelay, 0.011)
     machine = actuator_from_card(whole.card).with_effects(command_delay=delay)
@@ -122,6 +123,7 @@ def test_without_differences_the_machine_is_the_same_object(lift):
     assert raised(machine, {}) is machine
 
 
+@pytest.mark.slow
 def test_it_rests_under_the_weight_of_its_own(whole, parts):
     machine = actuator_from_card(whole.card)
     track = observed(machine, whole, {}).track

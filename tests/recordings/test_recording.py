@@ -78,6 +78,7 @@ def delayed(recording: Recording) -> AbstractActuator:
     return actuator_from_card(recording.card).with_effects(**machine.effects)
 
 
+@pytest.mark.slow
 def test_a_new_run_starts_at_rest():
     """Neither opening nor pressure, position, hysteresis or delayed command is carried over a break."""
     first = held(np.where(np.arange(200) < 150, 4.0, 2.0))

@@ -33,6 +33,7 @@ def test_acceleration_equals_mujoco(changes):
     np.testing.assert_allclose(ours, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, UNEQUAL], ids=["published", "unequal"])
 def test_vector_field_equals_mujoco_at_random_states(changes):
     actuator = machine({**changes, **WIDE, **PANE, "pane.distance": 0.3})
@@ -97,6 +98,7 @@ def test_energy_is_kept_without_torque():
     np.testing.assert_allclose(power, 0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_equations_of_motion_are_those_of_lagrange():
     def lagrangian(angle, velocity):
         return (
@@ -185,6 +187,7 @@ def test_no_limit_has_the_sign_of_the_motion(limit):
         np.testing.assert_array_equal(found, np.sign(velocity))
 
 
+@pytest.mark.slow
 def test_slopes_are_right_in_every_state():
     def flat(x):
         return coupled_slip(x[:2], 1e-3 * x[2:4], jnp.exp(x[4:6]), MASS) * jnp.exp(x[4:6])

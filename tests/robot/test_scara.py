@@ -50,6 +50,7 @@ def test_every_parameter_has_a_unit_and_a_meaning():
     assert dict(table["path"].loc[list(Scara.quantities)]) == Scara.quantities
 
 
+@pytest.mark.slow
 def test_muscles_turn_their_joints():
     # More pressure in the first muscle of a joint turns it forward, in the second backward, and no other.
     actuator = machine(friction=False)
@@ -95,6 +96,7 @@ def test_effects_with_states_run():
     assert np.abs(angles[0] - angles[1]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_simulation_has_a_column_for_every_sensor():
     times = np.arange(20) * 2e-3
     start = {"pressure": np.full(4, AMBIENT + 2.5e5), "angle": [0.1, 0.2]}
@@ -103,6 +105,7 @@ def test_simulation_has_a_column_for_every_sensor():
     np.testing.assert_allclose(frame[["angle_1", "angle_2"]], [[0.1, 0.2]] * 20, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_symmetric_pressures_hold_the_middle():
     rates = machine(friction=False).vector_field(
         {

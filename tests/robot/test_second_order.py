@@ -71,6 +71,7 @@ def test_digits_are_kept_where_the_system_is_fast():
         np.testing.assert_allclose(found, exact, rtol=0, atol=6.0 * 2e-16 * omega * step)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_response_equal_finite_differences():
     command = jnp.full(300, 1e5)
     points = jnp.asarray(TRUTHS)

@@ -96,6 +96,7 @@ def test_robot_ends_where_muscles_are_at_their_full_length(first, second):
     np.testing.assert_allclose(angle[-20:], np.tile([END, np.sign(second) * END], (20, 1)), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_rests_at_the_end_of_one_joint():
     actuator = machine({"arm.payload": 0.5}, friction=False).with_effects(
         load_damping=bench.built(bench.BY_NAME["load_damping"], coefficient=0.4)

@@ -40,6 +40,7 @@ def test_the_tip_keeps_to_the_line_with_the_true_model(friction):
     assert 0.5 < np.linalg.norm(off, axis=1).max() < 6.0
 
 
+@pytest.mark.slow
 def test_pressures_stay_within_zero_and_twice_the_mean():
     # Faster than the muscles can: the demand is cut off.
     motion, machine = joint_motion([-1.0, -1.0], [1.0, 1.0], 8.0, 60.0), robot()

@@ -33,6 +33,7 @@ def test_profile_keeps_to_its_limits_and_arrives(cruise, slope):
     np.testing.assert_allclose(speed[t >= end], 0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cruise", "slope"), [(0.5, 2.0), (3.0, 1.0)])
 def test_velocity_and_acceleration_are_derivatives(cruise, slope):
     profile = trapezoid(cruise, slope)
@@ -75,6 +76,7 @@ def test_three_times_to_and_fro():
     np.testing.assert_allclose(acceleration[-2:], 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elbow", [1, -1])
 def test_tip_follows_the_straight_line(elbow):
     motion = line(A, B, 0.1, 0.1)
@@ -115,6 +117,7 @@ def test_impossible_motions_are_told(make, message):
         make()
 
 
+@pytest.mark.slow
 def test_slopes_over_the_limits_are_finite_and_right():
     def position(cruise, slope):
         return trapezoid(cruise, slope).position(jnp.linspace(-0.1, 3.0, 12))

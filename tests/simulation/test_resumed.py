@@ -75,6 +75,7 @@ def test_two_halves_are_the_whole(which):
     assert max(moved) > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["isotonic", "joint"])
 def test_fixed_steps_go_on_to_the_last_bit(rig):
     machine = bench.model(rig)
@@ -86,6 +87,7 @@ def test_fixed_steps_go_on_to_the_last_bit(rig):
         np.testing.assert_array_equal(np.concatenate([first.readings[name], second.readings[name]]), values)
 
 
+@pytest.mark.slow
 def test_controlled_steps_go_on_within_their_tolerance():
     machine = bench.model("isotonic")
     given, times = command(machine), clock(machine)
@@ -97,6 +99,7 @@ def test_controlled_steps_go_on_within_their_tolerance():
         np.testing.assert_allclose(second.readings[name], values[CUT:], rtol=0, atol=1e-5 * range_)
 
 
+@pytest.mark.slow
 def test_a_recording_goes_on_and_a_third_part_too():
     recording = jm.read(jm.sample("lift"))
     machine = jm.actuator(recording.card).with_effects(command_delay=DELAY)
@@ -136,6 +139,7 @@ def test_hidden_states_of_a_recording_may_be_given_and_measured_ones_not():
         jm.simulate(machine, recording, start={"position": 0.02})
 
 
+@pytest.mark.slow
 def test_states_are_those_of_the_machine():
     machine = creeping()
     run = jm.simulate(machine, command(machine), clock(machine), states=True)
@@ -168,6 +172,7 @@ def test_a_slope_goes_through_both_halves():
         assert abs(float(slopes[i])) > 1e-3
 
 
+@pytest.mark.slow
 def test_wrong_states_are_told():
     joint, lift = bench.model("joint"), bench.model("isotonic")
     state = jm.simulate(joint, command(joint), clock(joint)).final

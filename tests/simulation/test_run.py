@@ -39,6 +39,7 @@ def windows(actuator, track, rows):
     return predict(actuator, track, rows, samples=60, imposed=(), substeps=2, hidden=hidden)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", TRACKS)
 def test_window_at_the_first_sample_is_the_run_from_rest(rig):
     actuator, track = machine(rig)
@@ -132,6 +133,7 @@ def test_halving_the_steps_changes_little(rig):
         assert bench.deviation(coarse[name], np.asarray(fine[name])) < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", TRACKS)
 def test_stretches_are_runs_of_their_own(rig):
     actuator, track = machine(rig)
@@ -147,6 +149,7 @@ def test_stretches_are_runs_of_their_own(rig):
             np.testing.assert_allclose(whole[name][begin : begin + 120], reading, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", TRACKS)
 def test_start_is_the_measured_state_with_everything_else_at_rest(rig):
     actuator, track = machine(rig)

@@ -116,6 +116,7 @@ def test_refused(machine, why):
         jm.simulate(machine, command, times, start=start)
 
 
+@pytest.mark.slow
 def test_command_as_a_function_of_time(machine):
     """As a sweep takes it, with slopes by its parameters."""
     step = jm.commands.Step(level=3.0, begin=0.1)

@@ -43,6 +43,7 @@ def test_what_is_asked_for_is_a_lift_and_a_fall(exact):
     assert np.diff(np.asarray(exact["position"])).min() < -1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_comes_to_the_same(machine, exact, method):
     coarse, fine = (
@@ -91,6 +92,7 @@ def test_error_is_not_estimated_unasked(machine):
     assert jm.simulate(machine, COMMAND, CLOCK).error is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [{"substeps": 3}, {"substeps": 1, "tolerance": 1e-5}], ids=str)
 def test_play_operators_are_exact(machine, asked):
     """At every sample of the way up they are what the whole way makes of them, not a sum over steps."""
@@ -108,6 +110,7 @@ def test_play_operators_are_exact(machine, asked):
     np.testing.assert_allclose(kept.memory["length_hysteresis"][:rising], expected[:rising], atol=1e-15)
 
 
+@pytest.mark.slow
 def test_slope_goes_through_controlled_steps(machine):
     def final(area):
         readings = jm.simulate(
@@ -134,6 +137,7 @@ def test_reverse_mode_gives_what_forward_mode_gives():
     assert float(jax.grad(final)(area)) == pytest.approx(float(jax.jacfwd(final)(area)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_controlled_steps_of_a_batch_are_those_of_each_alone(machine):
     def top(mass):
         machine_of = jm.replace(machine, {"mass": mass})

@@ -38,6 +38,7 @@ def test_muscles_are_numbered() -> None:
     assert labels[1:] == ["pressure 1 [bar absolute]", "pressure 2 [bar absolute]"] and "[°]" in labels[0]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_drawn_is_told(short: jm.Recording) -> None:
     actuator, times = actuator_from_card(short.card), np.arange(20) * 2e-3
     simulation = jm.simulate(actuator, np.ones(20), times)

@@ -70,6 +70,7 @@ def test_a_state_of_another_step_goes_on_at_the_own_one():
         np.testing.assert_allclose(after.values[name], values[1], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_loop_of_ones_own_is_the_closed_loop():
     """A PID by hand, on the joint with a delay and a play, beside the package's own loop."""
     joint = jm.robot.robot_joint(0.64).with_effects(command_delay=DELAY)
@@ -88,6 +89,7 @@ def test_a_loop_of_ones_own_is_the_closed_loop():
         state, readings = machine.step(state, command)
 
 
+@pytest.mark.slow
 def test_compiled_once_over_a_thousand_steps_and_other_parameters(monkeypatch):
     traces = []
 
@@ -141,6 +143,7 @@ def test_gradient_through_fifty_steps_equals_finite_differences(rig):
         assert abs(float(slope)) > 1e-6
 
 
+@pytest.mark.slow
 def test_steppers_and_states_side_by_side():
     masses = jnp.array([3.0, 6.0, 12.0])
 
@@ -247,6 +250,7 @@ def test_a_machine_that_runs_away_is_told():
     )
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_what_is_remembered_is_told():
     late = LIFT.with_effects(command_delay=built(effects.CommandDelay, 0.05))
     short = jm.stepper(late, STEP, history=0.02)

@@ -50,6 +50,7 @@ def test_a_batch_is_made_smaller_for_long_runs():
         cut((10_000,), 2**30, 8, 2**29)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reductions", [None, ["maximum", "bandwidth", "gain"]], ids=["whole", "reduced"])
 def test_memory_is_not_more_than_estimated(machine, sine, reductions):
     """XLA's own account of what a compiled batch takes."""

@@ -27,6 +27,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     return lambda *arguments: CliRunner().invoke(app, ["sweep", *arguments])
 
 
+@pytest.mark.slow
 def test_a_grid_to_netcdf_and_a_picture(run: Run, tmp_path: Path) -> None:
     outcome = run(CARD, "--over", "mass=1:20:3", "--over", "command.frequency=1:100:3:log", *SHORT)
     assert outcome.exit_code == 0, outcome.stderr

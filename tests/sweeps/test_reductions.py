@@ -72,6 +72,7 @@ def test_bandwidth_of_a_lag():
     assert np.isnan(reduced("bandwidth", STEP, STEP))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [1.0, 3.3, 40.0])
 def test_gain_and_phase_of_a_lag(frequency):
     omega = 2 * np.pi * frequency

@@ -89,6 +89,7 @@ def test_a_whole_sweep_is_not_computed_again(machine, options, in_memory, tmp_pa
     assert again.load().identical(in_memory)
 
 
+@pytest.mark.slow
 def test_another_memory_limit_goes_on_all_the_same(machine, options, tmp_path, computed):
     place = tmp_path / "sweep.zarr"
     with pytest.raises(KeyboardInterrupt):

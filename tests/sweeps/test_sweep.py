@@ -121,6 +121,7 @@ def test_a_recording_is_replayed():
     assert found.force.attrs["units"] == "N"
 
 
+@pytest.mark.slow
 def test_two_muscles():
     machine = jm.actuator(jm.read(jm.sample("swing")).card)
     amplitude = np.array([[1e5, -1e5], [5e4, -5e4]])
@@ -227,6 +228,7 @@ def test_commands_of_two_muscles_are_asked_for():
         jm.sweep(machine, {"inertia": [1.0]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["elbow", "jet-pipe"])
 def test_other_rigs(rig):
     machine = bench.model(rig)

@@ -68,6 +68,7 @@ def test_the_least_time_within_limits():
     assert found.after.value("settling") > 2e-4 * 19.6 / torque
 
 
+@pytest.mark.slow
 def test_one_command_for_machines_that_differ():
     several = [dataclasses.replace(THERE, changes={"inertia": inertia}) for inertia in (1.5e-4, 2.5e-4)]
     both = jm.tune(fan(), command_knots(fan(), 0.8, 5), several, SIZES, starts=1)

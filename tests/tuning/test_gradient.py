@@ -78,6 +78,7 @@ def test_derivatives_are_the_same_apart_from_the_values(evaluation):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * float(np.abs(other).max()))
 
 
+@pytest.mark.slow
 def test_the_runs_are_saturated_and_stick(evaluation):
     seen = evaluation.seen(evaluation.unknowns.start, evaluation.rows)
     assert (seen.commands.min(), seen.commands.max()) == (bench.AMBIENT, bench.AMBIENT + 2 * MEAN_PRESSURE)
@@ -108,6 +109,7 @@ def sum_of_squares(run, reference):
     return jnp.sum(residuals(run, reference) ** 2)
 
 
+@pytest.mark.slow
 def test_an_objective_may_look_at_the_machine_of_a_scenario():
     times, inertias = 0.01 * np.arange(40), [2e-4, 4e-4]
     scenarios = jm.tuning.grid(

@@ -53,6 +53,7 @@ def by_hand(knots):
     return values[:-1], values[-1]
 
 
+@pytest.mark.slow
 def test_the_least_effort_of_an_integrator_is_that_of_linear_algebra():
     found = optimal_reference(
         without_air(), LOOP, UP, {"effort": 1.0}, limits=ARRIVES, knots=5, tolerance=1e-3
@@ -105,6 +106,7 @@ def test_with_air_it_is_that_of_another_optimiser():
     assert found.cost <= other.fun * (1 + 1e-4)
 
 
+@pytest.mark.slow
 def test_limits_are_kept_and_cost_something():
     sizes = {"tracking": 1.0}
     free = optimal_reference(fan(), LOOP, UP, sizes, knots=8)
@@ -127,6 +129,7 @@ def test_limits_are_kept_and_cost_something():
     assert found.cost - less.cost == pytest.approx(gain, rel=0.1)
 
 
+@pytest.mark.slow
 def test_one_reference_for_several_machines_ends_where_it_is_told():
     several = [Scenario(TARGET, TIMES, changes={"inertia": j}, start=UP.start) for j in (1.8e-4, 2.2e-4)]
     sizes = {"arrival": 0.5, "effort": 5.0}
@@ -137,6 +140,7 @@ def test_one_reference_for_several_machines_ends_where_it_is_told():
     np.testing.assert_allclose(np.asarray(found.reference)[late], found.values[-1])
 
 
+@pytest.mark.slow
 def test_a_controller_of_rates_is_told_those_of_the_spline():
     class Leading(PID):
         of_one_number = False

@@ -228,6 +228,7 @@ def test_a_controller_of_the_whole_machine_says_what_follows_the_reference():
         jm.tune(machine, Wide(jnp.ones(())), on_joint(), reading="positon")
 
 
+@pytest.mark.slow
 def test_an_attachment_of_ones_own_is_kept():
     loop = feedback_on(fan(), CONTROLLER)
     other = Attached(CONTROLLER, "speed", loop.rest, loop.direction, loop.lowest, jnp.asarray(6.0))

@@ -49,6 +49,7 @@ def test_a_scenario_has_the_supply_that_it_names(rig):
     assert found[2][-1] > 1.02 * found[0][-1]  # a stronger supply gets farther in the same time
 
 
+@pytest.mark.slow
 def test_a_supply_that_is_a_command_costs_no_effort():
     """Commands that the controller does not move count from where they rest, whatever the supply."""
     several, _, _ = scenarios("jet-pipe-piston")
@@ -57,6 +58,7 @@ def test_a_supply_that_is_a_command_costs_no_effort():
     assert np.asarray(seen.terms["effort"]).max() < 1e-6 < LOW
 
 
+@pytest.mark.slow
 def test_an_attachment_of_ones_own_keeps_its_supply_where_no_scenario_names_another():
     machine, (_, controller, _) = bench.model("jet-pipe-piston"), CASES["jet-pipe-piston"]
     loop = feedback_on(machine, controller)
@@ -67,6 +69,7 @@ def test_an_attachment_of_ones_own_keeps_its_supply_where_no_scenario_names_anot
     np.testing.assert_array_equal(supplies, np.broadcast_to([[LOW], [LOW], [HIGH], [5e5]], (4, 50)))
 
 
+@pytest.mark.slow
 def test_slopes_over_supplies_are_those_of_finite_differences():
     machine, (_, controller, wanted) = bench.model("isotonic"), CASES["isotonic"]
     times = STEP * np.arange(60)

@@ -219,6 +219,7 @@ def test_worst_case_brings_the_scenarios_nearer_to_each_other(tuned):
     assert worst.after.cost == pytest.approx(float(np.mean(costs**16) ** (1 / 16)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_loop_that_runs_away_is_begun_at_smaller_gains():
     free = dataclasses.replace(feedback_on(fan(), CONTROLLER), lowest=-np.inf, highest=np.inf)
     wild = dataclasses.replace(free, controller=built(PID, 3e3, 1e3))
