@@ -23,7 +23,7 @@ UNEVEN = 3.0
 """Root mean square error, relative to that of a typical stretch, from which few stretches hold most of it."""
 
 LARGE = 10.0
-"""Noise, relative to the scatter from sample to sample, from which it is said that it hides what is smaller."""
+"""Noise, relative to the scatter from sample to sample, from which it is said to hide what is smaller."""
 
 
 def doubts(diagnosis: Diagnosis) -> list[str]:

@@ -158,9 +158,11 @@ def test_a_noise_that_hides_what_is_smaller_is_told() -> None:
     (told,) = doubts(taken(0.002))
     assert told.startswith("The noise of position is taken as 2 mm, but its readings scatter by 30 µm from")
     assert "errors below 2 mm is not looked for" in told
-    coarse = {**found.recording.columns, "position": found.recording.columns["position"].round(2)}
-    resting = dataclasses.replace(taken(0.002), recording=dataclasses.replace(found.recording, columns=coarse))
-    assert "hardly scatter" in doubts(resting)[0]
+    columns = found.recording.columns
+    coarse = dataclasses.replace(
+        found.recording, columns={**columns, "position": columns["position"].round(2)}
+    )
+    assert "hardly scatter" in doubts(dataclasses.replace(taken(0.002), recording=coarse))[0]
 
 
 def test_a_pattern_of_what_is_left_stands_beside_what_it_depends_on() -> None:
