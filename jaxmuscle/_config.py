@@ -128,12 +128,27 @@ def _silenced(environment: Environment, jax: Any) -> bool:
     given = environment.get(LOG, "1")
     if given != "1":
         return given in QUIET
-    # The level of XLA's own log stays where it is put; that of Python's goes back.
-    jax.config.update("jax_logging_level", "ERROR")
-    jax.config.update("jax_logging_level", level)
+    _set_log_of_xla(jax, "ERROR")
     # Processes begun by this one inherit the options, and are to be as quiet.
     environment[LOG] = "2"
     return True
+
+
+def _silence_errors(environment: Environment, jax: Any) -> None:
+    """Turn XLA's log of errors off, too, where that of warnings is: what fails is raised anyway.
+
+    For every kept program that jaxlib 0.10 reads it logs two errors of 2 kB: that this machine lacks features
+    which are preferences of its compiler ("+prefer-no-gather", github.com/openxla/xla/issues/44565).
+    """
+    if environment.get(LOG) in QUIET:
+        _set_log_of_xla(jax, "CRITICAL")
+
+
+def _set_log_of_xla(jax: Any, least: str) -> None:
+    """Have XLA log what is at least as grave; Python's log stays as it is, and what a user has set."""
+    level = jax.config.jax_logging_level
+    jax.config.update("jax_logging_level", least)
+    jax.config.update("jax_logging_level", level)
 
 
 TESTED = ("0.10.", "0.12.")
@@ -201,6 +216,8 @@ def configure(
         programs.switch_off(jax)
     elif compile_cache is not None:
         programs.switch_on(jax, None if compile_cache is True else Path(compile_cache))
+        if needed() and programs.own_folder(jax):
+            _silence_errors(os.environ, jax)
     release = version("jaxlib")
     return Configuration(
         bool(jax.config.read("jax_enable_x64")),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -52,7 +53,8 @@ def computed(cache: Path, switch: str = SWITCH, compute: str = SUM, **environmen
         [sys.executable, "-c", PROGRAM.replace("SWITCH", switch).replace("COMPUTE", compute)],
         env={**CLEAN, **home, **environment}, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert "cache" not in done.stderr.lower(), done.stderr
+    # Nor what jaxlib 0.10 has to say of every program that it finds ("Loading XLA:CPU AOT result …").
+    assert not re.search("cache|AOT", done.stderr), done.stderr
     return json.loads(done.stdout)
 
 
@@ -67,7 +69,6 @@ def entries(folder: Path) -> list[Path]:
     return sorted(folder.rglob(f"*{ENTRY}"))
 
 
-@pytest.mark.slow
 def test_a_second_process_compiles_nothing(filled):
     cache, first = filled
     assert first["kept"] > 0 and entries(cache)
