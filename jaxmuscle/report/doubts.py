@@ -92,7 +92,7 @@ def _more_noise_than_scatter(diagnosis: Diagnosis) -> list[str]:
         if declared <= LARGE * scatter:
             continue
         unit = diagnosis.units[column]
-        size = formatting.declared(declared, unit)
+        size = formatting.quantity(declared, unit)
         less = f"scatter by {formatting.quantity(scatter, unit)}" if scatter > 0 else "hardly scatter"
         found.append(
             f"The noise of {words(column)} is taken as {size}, but its readings {less} from one sample to "

@@ -156,8 +156,8 @@ def test_a_noise_that_hides_what_is_smaller_is_told() -> None:
     taken = lambda noise: dataclasses.replace(found, noise={**found.noise, "position": noise})  # noqa: E731
     assert doubts(taken(2e-4)) == []
     (told,) = doubts(taken(0.002))
-    assert told.startswith("The noise of position is taken as 2 mm, but its readings scatter by 30 µm from")
-    assert "errors below 2 mm is not looked for" in told
+    assert told.startswith("The noise of position is taken as 2.0 mm, but its readings scatter by 30 µm from")
+    assert "errors below 2.0 mm is not looked for" in told
     columns = found.recording.columns
     coarse = dataclasses.replace(
         found.recording, columns={**columns, "position": columns["position"].round(2)}
