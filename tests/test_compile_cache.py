@@ -25,7 +25,8 @@ result = jm.simulate(machine, 3.0 * (clock > 0.05), clock).readings["position"][
 """
 DIAGNOSIS = """
 warnings.simplefilter("default")
-found = jm.diagnose(jm.read(jm.sample("lift")), catalogue=jm.effects.CATALOGUE, constants=False)
+some = (jm.effects.ChamberLeak, jm.effects.Creep, jm.effects.LoadFriction)
+found = jm.diagnose(jm.read(jm.sample("lift")), catalogue=some, constants=False)
 result = sum(estimate.value for estimate in found.parameters.values())
 """
 SUM = "result = jax.jit(lambda x: (x * x).sum())(np.ones(9))"

@@ -16,7 +16,13 @@ from jaxmuscle.diagnosis.evidence import Evidence
 from jaxmuscle.diagnosis.ranking import Candidate, Ranking
 from jaxmuscle.diagnosis.verdict import beyond_machines, doubted
 from jaxmuscle.diagnosis.workbench import workbench
-from jaxmuscle.effects import LoadFriction
+from jaxmuscle.effects import (
+    BladderStiffness,
+    Creep,
+    LengthHysteresis,
+    LoadFriction,
+    PressureDependentEnds,
+)
 from jaxmuscle.estimation.case import case
 from jaxmuscle.parameters import get, replace
 from jaxmuscle.report.doubts import doubts
@@ -25,13 +31,16 @@ from jaxmuscle.report.report_files import fitted_card, result
 from jaxmuscle.report.sentence import sentence
 
 ANGLE = bench.CARDS["driven"]["braid_angle"]
+IMITATORS = (BladderStiffness, Creep, LengthHysteresis, LoadFriction, PressureDependentEnds)
+"""Effects by which a wrong constant may be made up for: fewer than all take less time."""
 
 
 @pytest.fixture(scope="module")
 def diagnosis():
     """A card with a braid angle 20 % off, and a force by the page of equations that has the right one."""
     card = driven_card(bench.THREADS, braid_angle=1.2 * ANGLE)
-    return jm.diagnose(driven_recording({"thread_friction": bench.THREADS}, card, seed=3))
+    recording = driven_recording({"thread_friction": bench.THREADS}, card, seed=3)
+    return jm.diagnose(recording, catalogue=IMITATORS)
 
 
 @pytest.mark.slow
@@ -86,7 +95,7 @@ def test_a_wrong_mass_is_found_in_a_lift():
     columns = {n: np.asarray(readings[n]) + s * rng.normal(size=len(command)) for n, s in noise.items()}
     wrong = replace(machine, {"mass": 1.2 * float(get(machine, "mass"))})
     recording = jm.recording(wrong, {"command": command, **columns}, step, noise=noise, horizon=0.425)
-    found = jm.diagnose(recording)
+    found = jm.diagnose(recording, catalogue=IMITATORS)
     assert found.verdict == "effects found"
     named = [effect.name for effect in found.effects]
     rivals = [other.name for other in found.alternatives if not other.told_apart]

@@ -71,7 +71,8 @@ def test_a_search_of_whole_windows_has_a_part_for_each_fold(whole_run: jm.Record
 @pytest.mark.slow
 def test_a_whole_run_is_diagnosed_on_its_parts(whole_run: jm.Recording) -> None:
     """One window by itself tells no effect from chance."""
-    found = jm.diagnose(whole_run)
+    some = (jm.effects.Creep, jm.effects.LoadDamping, jm.effects.LoadFriction)
+    found = jm.diagnose(whole_run, catalogue=some)
     assert found.settings["windows"] - found.settings["held_out_windows"] == 1
     (friction,) = found.effects
     assert found.verdict == "effects found" and friction.name == "load_friction"

@@ -8,13 +8,9 @@ import pytest
 
 import jaxmuscle as jm
 from jaxmuscle.effects import (
-    Backlash,
     ChamberLeak,
     DeadVolume,
-    Gravity,
     LengthHysteresis,
-    LoadDamping,
-    MuscleMismatch,
     SupplyDroop,
     ThreadFriction,
 )
@@ -36,19 +32,6 @@ def sought_among(monkeypatch, usual, rarer=()):
 def beginning(blind, share=0.5):
     """So much of the recording from its first sample on, where that shows enough: it takes less time."""
     return blind.recording.part(0, round(share * len(blind.recording)))
-
-
-def test_a_sprocket_beside_its_centre_is_not_named_two_unlike_muscles(monkeypatch):
-    sought_among(monkeypatch, [MuscleMismatch, Gravity])
-    blind = drawn(100018, "joint", 1, False)
-    assert {*blind.truth} == {"eccentric_sprocket"}
-    found = jm.diagnose(blind.recording, constants=False)
-    assert [effect.name for effect in found.effects] == ["eccentric_sprocket"]
-    true, (sprocket,) = blind.truth["eccentric_sprocket"], found.effects
-    eccentricity = sprocket.parameters["eccentricity"]
-    # The same sprocket with its phase half a turn on has the other sign.
-    assert abs(abs(eccentricity.value) - true["eccentricity"]) < 2 * eccentricity.std
-    assert found.after["held_out"]["angle"].in_noise < 1.5 < 3.0 < found.before["held_out"]["angle"].in_noise
 
 
 def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(monkeypatch):
@@ -78,21 +61,6 @@ def test_what_the_law_of_a_rough_thread_leaves_is_no_other_effect(seed, most, mo
     first, *further = (effect.name for effect in found.effects)
     assert first == "thread_friction" and {*further} <= {"presliding"}
     assert found.after["held_out"]["force"].in_noise < most < 30 < found.before["held_out"]["force"].in_noise
-
-
-def test_play_is_found_though_the_error_that_it_leaves_lasts_and_weighs_little(monkeypatch):
-    """By its own weights, a hundredth of those by the sensor's noise, no gap had hope."""
-    sought_among(monkeypatch, [LoadDamping], [Backlash])
-    blind = drawn(122125, "isotonic", 1, False)
-    assert {*blind.truth} == {"backlash"}
-    found = jm.diagnose(beginning(blind, 0.7), constants=False)
-    assert [effect.name for effect in found.effects] == ["backlash"]
-    (play,) = found.effects
-    gap = play.parameters["half_width"]
-    assert abs(gap.value - blind.truth["backlash"]["half_width"]) < 2 * gap.std < 1e-5
-    assert (
-        found.after["held_out"]["position"].in_noise < 2.5 < 5 < found.before["held_out"]["position"].in_noise
-    )
 
 
 def test_what_bent_friction_leaves_is_not_said_to_go_with_the_velocity():

@@ -34,7 +34,7 @@ def refitted(diagnosis, recording, **how):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sample", "effects"), [("lift", [LoadFriction]), ("bench", []), ("swing", [])])
+@pytest.mark.parametrize(("sample", "effects"), [("lift", [LoadFriction]), ("bench", [])])
 def test_fit_of_the_found_model_gives_the_reported_values(sample, effects):
     """Of the lift with an effect that was found; of the others as declared, which is quicker."""
     recording = jm.read(jm.sample(sample))
@@ -77,11 +77,6 @@ def _waves():
 
 OTHERS = {
     "elbow": (bench.elbow_command, ("regulator_frequency", "density"), {"pressure": 400.0, "angle": 3e-3}),
-    "jet-pipe": (
-        bench.jet_pipe_command,
-        ("current_gain", "pipe_compliance"),
-        {"current": 1e-3, "force": 0.3},
-    ),
     "scara": (_waves, ("payload",), {"pressure": 400.0, "angle": 4e-4}),
 }
 
