@@ -11,8 +11,10 @@ import pytest
 from jaxtyping import install_import_hook
 
 CHECKED = ("analysis", "components", "hysteresis", "recordings", "report", "signals", "sweeps")
-# Before anything imports them: what their annotations say of arrays holds at every call in a test.
-install_import_hook([f"jaxmuscle.{part}" for part in CHECKED], "array_annotations.check")
+# Before anything imports them: what their annotations say of arrays holds at every call in a test. That takes
+# an eighth of the time of a test that calls components one by one.
+if os.environ.get("JAXMUSCLE_ANNOTATIONS") != "unchecked":
+    install_import_hook([f"jaxmuscle.{part}" for part in CHECKED], "array_annotations.check")
 MEMORY = 2e9
 """That a worker may hold at the end of a file before it forgets what it has compiled [bytes]."""
 
