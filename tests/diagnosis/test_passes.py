@@ -63,19 +63,19 @@ class Outcome:
         return tuple(Added(name) for name in self.names)
 
 
-def passes(*outcomes, constants=False, predicted=None, on_whole_windows=None):
+def passes(*outcomes, constants=False, predicted=None, on_whole_windows=None, after_bristles=None):
     """The outcome, and with what each pass was asked to choose from.
 
-    `predicted`, `on_whole_windows`: outcome of the usual effects with inputs of links as predicted, and of
-    all on whole windows; nothing found if `None`.
+    `predicted`, `on_whole_windows`, `after_bristles`: outcome of the usual effects with inputs of links as
+    predicted, of all on whole windows, and of all there beside bristles; nothing found if `None`.
     """
     asked, left, first_asked = [], list(outcomes), []
 
     def seek(catalogue, first=None, constants=False, predicting=False, if_found=False, whole=False):
         assert if_found == bool(first_asked)
         if whole:
-            assert asked[-1] == (catalogue if first is None else (first, catalogue))
-            return on_whole_windows
+            assert catalogue in (asked[-1], asked[-1][1])
+            return on_whole_windows if first is None else after_bristles
         first_asked.append(catalogue)
         if predicting and first is None and not constants and catalogue == first_asked[0]:
             return predicted
@@ -284,6 +284,24 @@ def test_it_is_among_all_where_it_does_not_help_alone():
     assert asked == [CATALOGUE, ROUGH, (*CATALOGUE, *EXTENSION, "sensor_offset", Presliding)]
 
 
+def test_all_are_tried_beside_it_where_nothing_is_found_without():
+    """A supply that droops behind a rough guide showed on whole windows, once its bristles were there."""
+    rough = Outcome(8.9, ("presliding",), declared=DRY)
+    outcomes = [Outcome(9.0, declared=DRY), rough, Outcome(9.0), rough]
+    both = Outcome(0.7, ("presliding", "supply_droop"))
+    every = (*CATALOGUE, *EXTENSION, "sensor_offset", Presliding)
+    found, asked = passes(*outcomes, after_bristles=both)
+    assert found.added == both.names and asked == [CATALOGUE, ROUGH, every, (Presliding, every)]
+    found, asked = passes(*outcomes, on_whole_windows=Outcome(8.9, ("creep",)), after_bristles=both)
+    assert not found.added, "something was found without"
+
+
+def test_nothing_is_tried_beside_bristles_that_are_not_supported():
+    outcomes = [Outcome(9.0, declared=DRY) for _ in range(3)]
+    found, asked = passes(*outcomes, after_bristles=Outcome(0.7, ("presliding", "supply_droop")))
+    assert not found.added and len(asked) == 3
+
+
 @pytest.mark.parametrize(
     ("before", "names", "left", "counts"),
     [
@@ -298,7 +316,7 @@ def test_a_little_roughness_beside_what_was_found_is_no_finding(before, names, l
     """Every guide has a little; where nothing else was found, or much is left, bristles count."""
     first, rough = Outcome(left, before, declared=DRY), Outcome(1.0, names, declared=DRY)
     for outcomes in ((first, rough), (first, Outcome(left), rough)):
-        found, _ = passes(*outcomes, Outcome(left), on_whole_windows=None)
+        found, _ = passes(*outcomes, Outcome(left), Outcome(left))
         assert found.added == (names if counts else before)
 
 
