@@ -24,6 +24,9 @@ clock = 0.002 * np.arange(200)
 result = jm.simulate(machine, 3.0 * (clock > 0.05), clock).readings["position"][-1]
 """
 DIAGNOSIS = """
+import os
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, range(os.cpu_count()))  # a worker of the tests has few
 warnings.simplefilter("default")
 some = (jm.effects.ChamberLeak, jm.effects.Creep, jm.effects.LoadFriction)
 found = jm.diagnose(jm.read(jm.sample("lift")), catalogue=some, constants=False)
