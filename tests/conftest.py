@@ -4,6 +4,7 @@ import importlib
 import os
 import signal
 from pathlib import Path
+from zlib import crc32
 
 import jax
 import psutil
@@ -43,10 +44,21 @@ def pytest_configure(config: pytest.Config) -> None:
         jax.config.update("jax_enable_compilation_cache", False)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests come first: a long one at the end leaves all workers but one idle."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Thorough tests are those of the share that is asked for, if one is: "2/4" has two quarters before it.
+
+    Files with tests that take long come first: a long one at the end leaves all workers but one idle.
+    """
+    number, _, shares = os.environ.get("JAXMUSCLE_THOROUGH", "0/1").partition("/")
+
+    def is_of_another_share(item: pytest.Item) -> bool:
+        share = crc32(item.nodeid.encode()) % int(shares)
+        return item.get_closest_marker("thorough") is not None and share != int(number)
+
+    config.hook.pytest_deselected(items=[item for item in items if is_of_another_share(item)])
+    items[:] = [item for item in items if not is_of_another_share(item)]
+    long = {item.path for item in items if any(item.get_closest_marker(m) for m in ("slow", "thorough"))}
+    items.sort(key=lambda item: item.path not in long)
 
 
 @pytest.fixture

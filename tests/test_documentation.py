@@ -23,6 +23,8 @@ PAGES = {
 RUNNING = [name for name, path in PAGES.items() if any(b.runs for b in blocks_of(path.read_text("utf-8")))]
 QUICK = {"docs/index.md", "docs/how-to/gpu.md", "CONTRIBUTING.md"}
 """Pages whose blocks take seconds."""
+FIRST = {"README.md", "docs/tutorial.md"}
+"""Those that a newcomer begins with."""
 SCREENSHOT = "report.png"
 """What no page draws: the report in a browser, by ``python tests/report_picture.py``."""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -36,7 +38,8 @@ def words_and_numbers(text):
 
 
 def runs(name):
-    return pytest.param(name, marks=() if name in QUICK else pytest.mark.slow, id=name)
+    later = pytest.mark.slow if name in FIRST else pytest.mark.thorough
+    return pytest.param(name, marks=() if name in QUICK else later, id=name)
 
 
 @pytest.mark.usefixtures("kept_programs")

@@ -47,7 +47,7 @@ def test_notebook_is_stored_with_its_outputs(name):
     assert not re.search(r"(Posix|Windows)Path\(['\"]/", (FOLDER / name).read_text(encoding="utf-8"))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("kept_programs")
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("name", NOTEBOOKS)

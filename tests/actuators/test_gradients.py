@@ -167,7 +167,7 @@ def assert_close(derivative, difference, tolerance, floor, paths, scenes):
     assert not wrong, wrong
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("rig", SCENES)
 def test_derivative_over_every_parameter(rig):
     actuator, paths, scenes, readings, jacobian = machine(rig)

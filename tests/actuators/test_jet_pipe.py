@@ -74,7 +74,7 @@ def by_delay(request):
     return jax.jit(readings), jax.jit(jax.vmap(jax.jacfwd(readings)))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.0, 0.0005, 0.0025, 0.004, 0.00637])
 def test_slopes_by_a_delay_are_those_of_one_side(by_delay, delay):
     readings, slopes = by_delay

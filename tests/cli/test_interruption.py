@@ -177,7 +177,7 @@ def inputs(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.skipif(os.name == "nt", reason="there, an interrupt cannot be sent to one process")
 @pytest.mark.parametrize("moment", [0.7, 4.0])

@@ -206,7 +206,7 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path / "arm.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_both_joints_of_a_robot_are_tuned_from_the_command_line(arm: Path, tmp_path: Path) -> None:
     request = Request(
         arm, "pid", [tmp_path / "both.csv"], payloads=["payload=0,1"], objective=["tracking=0.01"], draws=0,
@@ -272,7 +272,7 @@ BEGUN = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["feedforward", "lqg", "sliding-mode"])
 def test_every_controller_of_a_joint_is_tuned_from_the_command_line(run: Run, name: str) -> None:
     outcome = run(

@@ -88,7 +88,7 @@ def is_whole(path: Path) -> bool:
     return content.endswith(b"\n")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", COMMANDS)
 def test_killed_at_any_moment(folder: Path, tmp_path: Path, name: str) -> None:
     """Every moment is seen in one run; at the middle one the program is killed indeed."""

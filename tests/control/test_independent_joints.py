@@ -54,7 +54,7 @@ def test_gains_of_all_joints_have_names_units_and_signs():
     assert unit == "Pa s/rad"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_slopes_of_the_tips_error_go_through_contact_with_a_pane():
     leaning = dataclasses.replace(ROBOT, pane=built(Pane, stiffness=2e3, damping=1.0, distance=0.6))
     way = line([0.58, -0.05], [0.62, 0.05], 0.4, 2.0)
@@ -77,7 +77,7 @@ def test_slopes_of_the_tips_error_go_through_contact_with_a_pane():
         assert slopes @ direction == pytest.approx(central, rel=1e-4, abs=rounding)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_tip_follows_a_line_and_its_error_has_its_slopes():
     way = line([0.7, 0.3], [0.5, 0.4], 0.5, 2.0)
     times = np.arange(0, 0.4, STEP)

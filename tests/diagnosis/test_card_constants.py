@@ -85,7 +85,7 @@ def test_it_is_read_back_from_a_file(diagnosis, tmp_path):
     assert sentence(again) == sentence(diagnosis)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_wrong_mass_is_found_in_a_lift():
     """Beside guide friction that is really there; mass and radius make one motion, and are named together."""
     machine, step = bench.model("isotonic"), bench.STEPS["isotonic"]

@@ -112,7 +112,7 @@ def test_everything_read_later_leaves_less_of_what_a_model_lacks():
     assert 0.1 < (other**2).mean() / (one**2).mean() < 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_frame_that_shakes_is_no_clock_offset():
     """It was found as one of 45.4 ± 0.7 ms, in windows of 100 ms."""
     _, recording = turned(8, inertia=0.8, shaken=30.0)
@@ -122,7 +122,7 @@ def test_a_frame_that_shakes_is_no_clock_offset():
     assert entry.judged and entry.gain < 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("late", [6e-3, -6e-3])
 def test_an_angle_that_is_read_late_or_early_is_found_in_windows_of_a_tenth_of_a_second(late):
     _, recording = turned(3, late=late)

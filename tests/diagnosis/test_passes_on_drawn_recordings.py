@@ -19,7 +19,6 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from blind_recordings import drawn  # pyright: ignore[reportMissingImports]
 
 module = importlib.import_module("jaxmuscle.diagnosis.diagnose")
-pytestmark = pytest.mark.slow
 
 
 def sought_among(monkeypatch, usual, rarer=()):
@@ -34,6 +33,7 @@ def beginning(blind, share=0.5):
     return blind.recording.part(0, round(share * len(blind.recording)))
 
 
+@pytest.mark.thorough
 def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(monkeypatch):
     """Readings, given the others, leave only noise; predictions from the command are far off."""
     sought_among(monkeypatch, [ChamberLeak], [SupplyDroop, DeadVolume])
@@ -47,6 +47,7 @@ def test_a_drooping_supply_is_found_behind_the_states_that_windows_begin_with(mo
     assert found.after["held_out"]["position"].in_noise < 2.0 < found.before["held_out"]["position"].in_noise
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("seed", "most"),
     # Bristles that leave less than the law may leave are found only where all effects are tried.
@@ -63,6 +64,7 @@ def test_what_the_law_of_a_rough_thread_leaves_is_no_other_effect(seed, most, mo
     assert found.after["held_out"]["force"].in_noise < most < 30 < found.before["held_out"]["force"].in_noise
 
 
+@pytest.mark.slow
 def test_what_bent_friction_leaves_is_not_said_to_go_with_the_velocity():
     """A joint without its gravity is given more friction than it has, 116 noise units off."""
     blind = drawn(300002, "joint", 1, False, ("gravity",))

@@ -40,18 +40,21 @@ def kinetic(diagnosis):
     return diagnosis.effects[0].parameters["kinetic_coefficient"]
 
 
+@pytest.mark.slow
 def test_the_effect_is_found_under_each_loss(found):
     for diagnosis in found.values():
         assert diagnosis.verdict == "effects found"
         assert [effect.name for effect in diagnosis.effects] == ["thread_friction"]
 
 
+@pytest.mark.slow
 def test_bumps_bend_values_by_squares_and_hardly_those_of_a_robust_loss(found):
     wrong = {loss: abs(kinetic(diagnosis).value - TRUE) for loss, diagnosis in found.items()}
     assert wrong["huber"] < 0.005 * TRUE < 0.03 * TRUE < wrong["squares"]
     assert wrong["huber"] < 3 * kinetic(found["huber"]).std < kinetic(found["squares"]).std
 
 
+@pytest.mark.slow
 def test_the_report_says_what_a_few_stretches_do_under_each_loss(found):
     said = [text for text in doubts(found["squares"]) if "--loss huber" in text]
     assert len(said) == 1 and said[0].startswith("A few stretches hold most of what is left")

@@ -81,7 +81,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("rig", OTHERS)
 def test_other_rigs_keep_the_promise(rig):
     """With nothing to choose from: the declared model alone, on a recording of each rig."""

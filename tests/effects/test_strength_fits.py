@@ -46,7 +46,7 @@ def assert_found(machine, recording, name, true):
     assert found.std < 0.1 * abs(true[strength])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PULLED)
 def test_on_a_test_machine(name):
     truth, start = machines("driven", name, PULLED)
@@ -58,7 +58,7 @@ def test_on_a_test_machine(name):
     assert_found(start, recording, name, PULLED[name][0])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TURNED)
 def test_on_a_joint(name):
     truth, start = machines("joint", name, TURNED)

@@ -38,7 +38,7 @@ def recorded(machine, seed=0):
     return jm.recording(machine, {"command": command(), **noisy}, STEP, noise=NOISE)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TRUE)
 def test_the_strength_is_found(name):
     recording = recorded(bench.model("isotonic", **{name: TRUE[name]}))
@@ -59,7 +59,7 @@ PRESSURES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PRESSURES)
 def test_the_strength_is_found_where_commands_are_pressures(name):
     command = bench.joint_command()[50:400]

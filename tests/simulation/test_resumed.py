@@ -50,7 +50,7 @@ def command(machine):
     return table if many > 1 else table[:, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", MACHINES)
 def test_two_halves_are_the_whole(which):
     machine = MACHINES[which]()

@@ -31,7 +31,7 @@ def scenarios(rig):
     return [Scenario(held, times, changes=changes) for changes in of], held, times
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("rig", CASES)
 def test_a_scenario_has_the_supply_that_it_names(rig):
     machine, (path, controller, _) = bench.model(rig), CASES[rig]
