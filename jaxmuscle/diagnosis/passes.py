@@ -109,7 +109,8 @@ def _predicts_inputs(diagnosis: Diagnosis) -> bool:
 
 
 def _better(second: Diagnosis, first: Diagnosis) -> bool:
-    """Whether the second leaves less, or predicts better where what is missing hides in first states.
+    """Whether the second leaves less, predicts better where what is missing hides in first states, or is the
+    first to find anything and clears a reading.
 
     What leaves hardly anything given the other readings, but most of what predictions were off by, imitates,
     unless it is told apart from all others that were judged: a stop at the end of a lift's way, from which
