@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from jaxmuscle.actuators.actuator import AbstractActuator
+from jaxmuscle.errors import InputError
 from jaxmuscle.recordings.smoothing import noise_level, rate_from_past, smooth
 from jaxmuscle.simulation.track import StartError, Track
 
@@ -96,15 +97,29 @@ def observed(
     }
     as_arrays = lambda tree: {name: jnp.asarray(values) for name, values in tree.items()}  # noqa: E731
     begins = jnp.asarray(np.isin(np.arange(samples), recording.breaks)) if recording.breaks else None
-    differences = {actuator.quantities[name]: by for name, by in recording.differences.items()}
     track = Track(
         jnp.asarray(step),
         jnp.asarray(command),
         as_arrays(measured),
         begins,
-        differences=as_arrays(differences),
+        differences=as_arrays(by_path(actuator, recording)),
     )
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
+
+
+def by_path(actuator: AbstractActuator, recording: Sampled) -> Columns:
+    """What differs between parts of a recording, by the paths at which the machine has these quantities.
+
+    Raises:
+        InputError: the machine has no such quantity.
+    """
+    strange = sorted(set(recording.differences) - set(actuator.quantities))
+    if strange:
+        raise InputError(
+            f"parts of the recording differ in {', '.join(strange)}, and rig '{actuator.rig}' has no such "
+            "quantity; simulate each part by itself, or add it to the `quantities` of the rig"
+        )
+    return {actuator.quantities[name]: by for name, by in recording.differences.items()}
 
 
 def begun_from_past(

@@ -1,6 +1,7 @@
 """Recordings of one bench whose cards give different values: another weight, a muscle of another length."""
 
 import dataclasses
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ from oracles.driven import driven
 from oracles.recorded import NOISE, driven_card, driven_recording, smooth_motion
 
 import jaxmuscle as jm
+from jaxmuscle.actuators import Isotonic
 from jaxmuscle.diagnosis.card_constants import card_constants
 from jaxmuscle.diagnosis.diagnosis_files import load
 from jaxmuscle.diagnosis.result import Diagnosis
@@ -80,6 +82,18 @@ def test_parts_and_joints_keep_the_differences(whole, parts):
     behind = joined([parts[1], whole], "all")
     np.testing.assert_array_equal(behind.differences["mass"], np.repeat([0.0, 5.0, 0.0, 8.0], 300))
     assert [behind.differing(member)["mass"] for member in behind.members] == [3.0, *MASSES]
+
+
+def test_a_machine_without_what_differs_is_refused(whole):
+    actuator = jm.actuator(whole.card)
+
+    class WithoutMass(Isotonic):
+        rig: ClassVar = "without-mass"
+        quantities: ClassVar = {n: path for n, path in Isotonic.quantities.items() if n != "mass"}
+
+    fields = {field.name: getattr(actuator, field.name) for field in dataclasses.fields(actuator)}
+    with pytest.raises(InputError, match="differ in mass, and rig 'without-mass' has no such quantity"):
+        jm.simulate(WithoutMass(**fields), whole)
 
 
 def test_what_else_differs_is_refused(lift):
