@@ -15,7 +15,7 @@ from jaxmuscle.errors import InputError, nearest
 from jaxmuscle.parameters import raised
 from jaxmuscle.recordings.recording import Recording
 from jaxmuscle.recordings.smoothing import quantisation_step
-from jaxmuscle.simulation.observed import by_path
+from jaxmuscle.simulation.observed import differences_by_path
 
 Values = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -180,7 +180,7 @@ def beyond_stops(actuator: AbstractActuator, recording: Recording) -> dict[str, 
     # Between joined recordings, where a length may differ, the ends may too.
     edges = (0, *(recording.breaks if recording.differences else ()), len(recording))
     for first, end in itertools.pairwise(edges):
-        by = {path: values[first] for path, values in by_path(actuator, recording).items()}
+        by = {path: values[first] for path, values in differences_by_path(actuator, recording).items()}
         for state, ends in raised(actuator, by).stops.items():
             columns = actuator.measured.get(state, ())
             for column, lowest, highest in zip(

@@ -102,12 +102,12 @@ def observed(
         jnp.asarray(command),
         as_arrays(measured),
         begins,
-        differences=as_arrays(by_path(actuator, recording)),
+        differences=as_arrays(differences_by_path(actuator, recording)),
     )
     return Observed(track, as_arrays(spread), as_arrays(outputs), as_arrays(levels))
 
 
-def by_path(actuator: AbstractActuator, recording: Sampled) -> Columns:
+def differences_by_path(actuator: AbstractActuator, recording: Sampled) -> Columns:
     """What differs between parts of a recording, by the paths at which the machine has these quantities.
 
     Raises:
